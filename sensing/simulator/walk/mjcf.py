@@ -17,6 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.simulator.walk.terrain import HARD, Ground
 from sensing.tensegrity.description import GRAVITY_M_S2, Array, Bar, MountedEndcap, TensegrityRobot
@@ -44,8 +45,11 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
     Args:
         robot: what to build. ground: what it stands on. poses: (B, 4, 4) m, T_world_bar at the start.
         dome: how its endcaps give.
+
+    Raises:
+        ParameterError: a bar of which the domes of its endcaps leave no body.
     """
-    bodies = "".join(_bar(robot, bar, pose, dome) for bar, pose in zip(robot.bars, poses, strict=True))
+    bodies = "".join(_bar(robot, number, pose, dome) for number, pose in enumerate(poses))
     return f"""<mujoco model={quoteattr(robot.name)}>
 <compiler angle="radian" autolimits="true" inertiafromgeom="false"/>
 <option timestep="{TIMESTEP_S}" gravity="0 0 {-GRAVITY_M_S2}" integrator="Euler" cone="elliptic" impratio="100">
@@ -69,7 +73,8 @@ def _centre_height_m(diameter_mm: float, wall_mm: float) -> float:
     return EndcapParams(diameter_mm, wall_mm).centre_height_mm / 1000
 
 
-def _bar(robot: TensegrityRobot, bar: Bar, pose: Array, dome: Dome) -> str:
+def _bar(robot: TensegrityRobot, number: int, pose: Array, dome: Dome) -> str:
+    bar = robot.bars[number]
     shells = [endcap for endcap in robot.endcaps if endcap.bar == bar.name]
     mass, centre, inertia = _without_shells(bar, [sphere_centre_m(endcap) for endcap in shells], dome.mass_kg)
     full = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
@@ -80,7 +85,7 @@ def _bar(robot: TensegrityRobot, bar: Bar, pose: Array, dome: Dome) -> str:
         if cable.bars[end] == bar.name
     )
     return (
-        f'<body name={quoteattr(bar.name)} pos="{_text(pose[:3, 3])}" quat="{_text(quaternion(pose[:3, :3]))}">'
+        f'<body name="bar{number}" pos="{_text(pose[:3, 3])}" quat="{_text(quaternion(pose[:3, :3]))}">'
         f'<freejoint/><inertial pos="{_text(centre)}" mass="{mass:.9g}" fullinertia="{_text(full)}"/>'
         f'<geom type="capsule" fromto="0 0 {-bar.length_m / 2:g} 0 0 {bar.length_m / 2:g}" size="0.015" '
         f'contype="0" conaffinity="0"/>{sites}{"".join(_shell(robot, endcap, dome) for endcap in shells)}</body>'
@@ -90,11 +95,27 @@ def _bar(robot: TensegrityRobot, bar: Bar, pose: Array, dome: Dome) -> str:
 def _without_shells(bar: Bar, places: list[Array], shell_kg: float) -> tuple[float, Array, Array]:
     """Mass, centre of mass and inertia about it of what is left of a bar when its shells are bodies of their own."""
     mass = bar.mass_kg - shell_kg * len(places)
+    if mass <= 0:
+        raise _no_body(bar, len(places), shell_kg)
     moment = bar.mass_kg * bar.centre_of_mass_m - shell_kg * np.sum(places, axis=0) if places else np.zeros(3)
     centre = moment / mass if places else bar.centre_of_mass_m
     inertia = bar.inertia_kg_m2 + bar.mass_kg * _steiner(bar.centre_of_mass_m)
     inertia = inertia - sum((shell_kg * _steiner(place) for place in places), np.zeros((3, 3)))
-    return mass, centre, inertia - mass * _steiner(centre) - len(places) * _sphere_inertia(shell_kg)
+    inertia = inertia - mass * _steiner(centre) - len(places) * _sphere_inertia(shell_kg)
+    least, middle, most = np.linalg.eigvalsh(inertia)
+    if least <= 0 or most > (least + middle) * (1 + 1e-9):
+        raise _no_body(bar, len(places), shell_kg)
+    return mass, centre, inertia
+
+
+def _no_body(bar: Bar, shells: int, shell_kg: float) -> ParameterError:
+    """What is said of a bar of which its shells leave nothing that moves."""
+    return ParameterError(
+        f'bar "{bar.name}": its mass_kg = {bar.mass_kg:g} and inertia_kg_m2 are less than those of the {shells} '
+        f"simulated domes on it, {shell_kg:g} kg each: give those of all that is screwed to it, endcaps included",
+        name="mass_kg",
+        value=bar.mass_kg,
+    )
 
 
 def _sphere_inertia(shell_kg: float) -> Array:

@@ -41,8 +41,10 @@ class Simulation:
         if surface.heights.size:
             self.model.hfield_data[:] = (surface.heights / ROUGH_M).ravel()
         self.data = mujoco.MjData(self.model)
-        names = [mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, bar.name) for bar in robot.bars]
-        self.bodies = np.array(names)
+        bodies = [
+            mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, f"bar{number}") for number in range(len(robot.bars))
+        ]
+        self.bodies = np.array(bodies)
         self.place_at = self.model.jnt_qposadr[self.model.body_jntadr[self.bodies]]
         self.velocity_at = self.model.jnt_dofadr[self.model.body_jntadr[self.bodies]]
         geoms = [
@@ -138,7 +140,7 @@ def simulate_walk(
         duration_s: of the run. progress: called with the simulated time, each 0.1 s.
 
     Raises:
-        ParameterError: the robot rolls off the ground before the end.
+        ParameterError: the robot rolls off the ground before the end, or a bar is lighter than its domes.
     """
     gait = gait or TippingGait()
     surface = ground(terrain, seed, gait.heading_deg)

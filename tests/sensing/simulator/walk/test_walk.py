@@ -194,6 +194,22 @@ def test_the_robot_comes_to_rest_on_every_terrain(terrain):
     assert (np.linalg.norm(walk.force_n[-1], axis=-1) > 1).sum() >= 3
 
 
+def test_a_bar_may_have_any_name_and_is_no_lighter_than_its_domes():
+    poses, flat = balanced_shape(ROBOT).T_world_bar, ground(Terrain.FLAT)
+    named = dict(zip((bar.name for bar in ROBOT.bars), ("world", "shell0", "green"), strict=True))
+    other = replace(
+        ROBOT,
+        bars=tuple(replace(bar, name=named[bar.name]) for bar in ROBOT.bars),
+        endcaps=tuple(replace(endcap, bar=named[endcap.bar]) for endcap in ROBOT.endcaps),
+        cables=tuple(replace(cable, bars=(named[cable.bars[0]], named[cable.bars[1]])) for cable in ROBOT.cables),
+    )
+    np.testing.assert_array_equal(Simulation(other, flat, poses).poses, Simulation(ROBOT, flat, poses).poses)
+    for wrong in ({"mass_kg": 0.15}, {"mass_kg": 0.18}, {"inertia_kg_m2": np.diag([0.46, 0.46, 3e-4])}):
+        light = replace(ROBOT, bars=(replace(ROBOT.bars[0], **wrong), *ROBOT.bars[1:]))
+        with pytest.raises(ParameterError, match=r'bar "red": its mass_kg = .* 2 simulated domes on it, 0\.09 kg each'):
+            Simulation(light, flat, poses)
+
+
 def test_a_run_that_leaves_the_rough_ground_is_refused(monkeypatch):
     monkeypatch.setattr(terrain_module, "HALF_M", 1.0)
     with pytest.raises(

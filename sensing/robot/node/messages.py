@@ -106,6 +106,8 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
 def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message has it.
 
+    The covariance of the angular velocity is not estimated: its block is zero.
+
     Args:
         bar: the estimate. stamp_ns: wall time.
     """

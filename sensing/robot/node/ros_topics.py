@@ -1,6 +1,6 @@
 """The estimate as ROS 2 topics, without a ROS installation, over Cyclone DDS.
 
-    /robot/bar/NAME/odometry   nav_msgs/Odometry        pose in ``world``, twist in the bar's axes, both with covariance
+    /robot/bar/NAME/odometry   nav_msgs/Odometry        pose in ``world``, twist in the bar's axes (docs/robot.md)
     /robot/endcaps             geometry_msgs/PoseArray  centres of the endcaps' spheres, in the description's order
     /robot/estimate            std_msgs/String          the whole estimate as JSON
     /tf                        tf2_msgs/TFMessage       world to ``bar_NAME``

@@ -87,7 +87,7 @@ class Printer:
 
     @property
     def end_gcode(self) -> str:
-        r"""Lines after a print, joined by ``\n``; all moves of them are relative to nothing but home."""
+        r"""Lines after a print, joined by ``\n``: the nozzle, still hot, is lifted off the part before all else."""
         return "\\n".join(self.end)
 
     def takes(self, points: np.ndarray) -> bool:

@@ -168,6 +168,8 @@ class PrintSettings:
             "first_layer_temperature": str(filament.nozzle_c),
             "bed_temperature": str(filament.bed_c),
             "first_layer_bed_temperature": str(filament.bed_c),
+            "fan_always_on": "1",
+            "min_fan_speed": str(filament.fan_percent),
         }
 
     def orca(self) -> dict[str, str | list[str]]:
@@ -204,6 +206,8 @@ class PrintSettings:
             "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
             "hot_plate_temp": [str(filament.bed_c)],
             "hot_plate_temp_initial_layer": [str(filament.bed_c)],
+            "reduce_fan_stop_start_freq": ["1"],
+            "fan_min_speed": [str(filament.fan_percent)],
         }
 
 
@@ -287,12 +291,6 @@ def part_settings(name: str, material: str, where: Printer | None = None) -> Pri
     if name == "hanger":
         return PrintSettings(spool, CUP, 100.0, reason="flat, stiff enough to close the mold", printer=where)
     if name.startswith("cup_"):
-        return PrintSettings(
-            spool,
-            CUP,
-            100.0,
-            brim_mm=3.0 if "bowl" in name else 0.0,
-            reason="three walls hold liquid",
-            printer=where,
-        )
+        brim_mm = 3.0 if "bowl" in name else 0.0
+        return PrintSettings(spool, CUP, 100.0, brim_mm=brim_mm, reason="three walls hold liquid", printer=where)
     return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws", printer=where)

@@ -77,6 +77,10 @@ ORCA_NAMES = {
     "solid_infill_below_area": "minimum_sparse_infill_area",
 }
 ORCA_PATTERNS = {"rectilinear": "zig-zag"}
+# Keys of the bed's temperature, by kind of plate: where one is left out, the second layer cools that plate to 35 or 45.
+ORCA_PLATES = [
+    f"{plate}_plate_temp{end}" for plate in ("cool", "eng", "hot", "textured") for end in ("", "_initial_layer")
+]
 
 
 @dataclass(frozen=True)
@@ -164,10 +168,8 @@ class PrintSettings:
             "filament_density": f"{filament.density_g_cm3:g}",
             "filament_cost": f"{filament.price_usd_kg:g}",
             "filament_max_volumetric_speed": f"{filament.max_flow_mm3_s:g}",
-            "temperature": str(filament.nozzle_c),
-            "first_layer_temperature": str(filament.nozzle_c),
-            "bed_temperature": str(filament.bed_c),
-            "first_layer_bed_temperature": str(filament.bed_c),
+            **dict.fromkeys(("temperature", "first_layer_temperature"), str(filament.nozzle_c)),
+            **dict.fromkeys(("bed_temperature", "first_layer_bed_temperature"), str(filament.bed_c)),
             "fan_always_on": "1",
             "min_fan_speed": str(filament.fan_percent),
         }
@@ -185,6 +187,8 @@ class PrintSettings:
             ),
             "machine_start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c).replace("\\n", "\n"),
             "machine_end_gcode": self.printer.end_gcode.replace("\\n", "\n"),
+            "use_relative_e_distances": "1",
+            "before_layer_change_gcode": "G92 E0",
             "layer_height": f"{LAYER_MM:g}",
             "initial_layer_print_height": f"{LAYER_MM:g}",
             **dict.fromkeys(ORCA_LINES, f"{LINE_MM:g}"),
@@ -204,8 +208,7 @@ class PrintSettings:
             "filament_max_volumetric_speed": [f"{filament.max_flow_mm3_s:g}"],
             "nozzle_temperature": [str(filament.nozzle_c)],
             "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
-            "hot_plate_temp": [str(filament.bed_c)],
-            "hot_plate_temp_initial_layer": [str(filament.bed_c)],
+            **{key: [str(filament.bed_c)] for key in ORCA_PLATES},
             "reduce_fan_stop_start_freq": ["1"],
             "fan_min_speed": [str(filament.fan_percent)],
         }
@@ -276,14 +279,8 @@ def part_settings(name: str, material: str, where: Printer | None = None) -> Pri
     """
     spool, where = filament(material), where or printer()
     if name == "interface":
-        return PrintSettings(
-            spool,
-            FLANGE,
-            30.0,
-            thin_lines=True,
-            reason="solid flange; the zone above it stays open for silicone",
-            printer=where,
-        )
+        reason = "solid flange; the zone above it stays open for silicone"
+        return PrintSettings(spool, FLANGE, 30.0, thin_lines=True, reason=reason, printer=where)
     if name.startswith("core_"):
         return PrintSettings(
             spool, CORE, 100.0, support=name != "core_centre", brim_mm=5.0, reason=CORE_REASON, printer=where

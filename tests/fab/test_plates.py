@@ -24,7 +24,7 @@ from fab.meshing.mesh import tessellate
 from fab.slice import filaments, printers
 from fab.slice.excluded import gap_mm, outline, reach_mm
 from fab.slice.footprints import footprints, largest_diameter_mm, require_printer
-from fab.slice.gcode import _Reader, read_gcode
+from fab.slice.gcode import read_gcode
 from fab.slice.nest import EDGE_MM, PIXEL_MM, Standing, nested
 from fab.slice.pose import standing
 from fab.slice.printers import Printer, fitting_printers, fitting_turn_deg, printer, require_bed, room_left_mm, turned
@@ -79,18 +79,6 @@ def test_every_printer_homes_then_levels_then_heats_and_cools_down_at_the_end():
         assert start.index("G28") < start.index(each.levelling[0]) < start.index("M109 S215"), name
         assert any(line.startswith("G29") for line in each.levelling)
         assert {"M104 S0", "M140 S0"} <= set(each.end)
-
-
-def test_every_printer_lifts_its_nozzle_off_the_part_before_it_stops_or_goes_aside():
-    """The slicer leaves a nozzle of 215 degrees on the last line: on the tip of the core, where it melts a pit."""
-    for name, each in printers.printers().items():
-        after = _Reader(name)
-        after.z = last_layer = 57.4
-        for line in each.end:
-            moves_aside = line.startswith("G28") or (line.startswith("G1") and ("X" in line or "Y" in line))
-            assert after.z >= last_layer + 5 or not (moves_aside or line.startswith("M84")), (name, line)
-            after.line(line)
-        assert after.z == pytest.approx(last_layer + 10), name
 
 
 def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_takes_all():

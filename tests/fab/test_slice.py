@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import re
 import shutil
 from pathlib import Path
 from zipfile import ZipFile
@@ -253,22 +252,6 @@ def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
     assert 0.5 * solid < result.figures.grams < 1.1 * solid
     assert result.figures.extent_mm[2] == 3.0 and math.isfinite(result.figures.time_s)
     assert moves.kinds and result.record()["pieces"][0]["settings"]["walls"] == settings.region.walls
-
-
-@needs_slicer
-def test_pla_is_cooled_however_long_a_layer_takes(tmp_path):
-    """By the slicer's own default the fan stands still over every layer of a minute and more: a plate of a mold."""
-    ring = trimesh.creation.annulus(20, 60, 2)
-    ring.apply_translation((0, 0, 1))
-    path = tmp_path / "bowl.3mf"
-    write_prusa(single("bowl", part_settings("cup_bowl_1", "PLA"), (Volume("bowl", ring),)), path)
-    slice_to_gcode(SLICER, path, tmp_path / "bowl.gcode")
-    layers = (tmp_path / "bowl.gcode").read_text().split(";LAYER_CHANGE")[1:]
-    assert read_gcode(tmp_path / "bowl.gcode").slicer_time_s > 60 * len(layers)
-    fan = re.findall(r"^M10[67].*", "".join(layers[: len(layers) // 2]), re.MULTILINE)
-    assert fan[-1] == "M106 S255"
-    orca = part_settings("ring_spacer", "PETG").orca()
-    assert (orca["reduce_fan_stop_start_freq"], orca["fan_min_speed"]) == (["1"], ["30"])
 
 
 @needs_slicer

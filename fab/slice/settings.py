@@ -150,7 +150,7 @@ class PrintSettings:
             "start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c),
             "end_gcode": self.printer.end_gcode,
             "gcode_label_objects": "1",
-            "retract_length": "0.8",
+            "retract_length": f"{self.printer.retract_mm:g}",
             "skirts": "0",
             "layer_height": f"{LAYER_MM:g}",
             "first_layer_height": f"{LAYER_MM:g}",
@@ -182,6 +182,7 @@ class PrintSettings:
             **({"bed_exclude_area": self.printer.excluded_corners} if self.printer.exclude_mm else {}),
             "printable_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": [f"{self.printer.nozzle_mm:g}"],
+            "retraction_length": [f"{self.printer.retract_mm:g}"],
             **_named(
                 {"printer_settings_id": self.printer.orca_printer, "print_settings_id": self.printer.orca_process}
             ),

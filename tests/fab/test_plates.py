@@ -46,11 +46,11 @@ def box(x: float, y: float, z: float) -> trimesh.Trimesh:
 @pytest.mark.parametrize(
     ("table", "read", "row", "expected"),
     [
-        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,,0.4,G29,M84,,,,,E", "width_mm='wide'"),
+        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,,0.4,0.8,G29,M84,,,,,E", "width_mm='wide'"),
         (
             printers.PRINTER_TABLE,
             printers._printer,
-            "mine,M,200,200,200,18|28,0.4,G29,M84,,,,,E",
+            "mine,M,200,200,200,18|28,0.4,0.8,G29,M84,,,,,E",
             "exclude='18|28' is no",
         ),
         (printers.PRINTER_TABLE, printers._printer, "mine,Mine,200", "not one value for each column"),

@@ -1,4 +1,4 @@
-"""Heat of a print: nozzle off the part at the end, fan on long layers, bed warm on any plate of OrcaSlicer."""
+"""What a printer needs beside its moves: lift at the end, fan, bed on any plate, filament drawn back."""
 
 from __future__ import annotations
 
@@ -55,3 +55,11 @@ def test_orca_projects_slice_with_relative_filament_and_keep_their_bed_warm_on_a
     bed = [str(filament(material).bed_c)]
     for kind in ("cool", "eng", "hot", "textured"):
         assert settings[f"{kind}_plate_temp"] == settings[f"{kind}_plate_temp_initial_layer"] == bed
+
+
+def test_filament_is_drawn_back_as_far_as_the_printers_own_profile_draws_it():
+    """5 mm through the Bowden tube of an Ender-3: 0.8 mm, enough for a direct drive, strings every move."""
+    for name, each in printers().items():
+        settings, retract = part_settings("base", "PLA", each), "5" if name == "ender3" else "0.8"
+        assert settings.prusa()["retract_length"] == retract, name
+        assert settings.orca()["retraction_length"] == [retract], name

@@ -171,6 +171,7 @@ class PrintSettings:
             **dict.fromkeys(("temperature", "first_layer_temperature"), str(filament.nozzle_c)),
             **dict.fromkeys(("bed_temperature", "first_layer_bed_temperature"), str(filament.bed_c)),
             "fan_always_on": "1",
+            "disable_fan_first_layers": "3",
             "min_fan_speed": str(filament.fan_percent),
         }
 
@@ -211,6 +212,7 @@ class PrintSettings:
             "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
             **{key: [str(filament.bed_c)] for key in ORCA_PLATES},
             "reduce_fan_stop_start_freq": ["1"],
+            "close_fan_the_first_x_layers": ["3"],
             "fan_min_speed": [str(filament.fan_percent)],
         }
 

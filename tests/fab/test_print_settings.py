@@ -44,6 +44,7 @@ def test_pla_is_cooled_however_long_a_layer_takes(tmp_path):
     assert fan[-1] == "M106 S255"
     orca = part_settings("ring_spacer", "PETG").orca()
     assert (orca["reduce_fan_stop_start_freq"], orca["fan_min_speed"]) == (["1"], ["30"])
+    assert orca["close_fan_the_first_x_layers"] == [part_settings("base", "PLA").prusa()["disable_fan_first_layers"]]
 
 
 @pytest.mark.parametrize("material", ["PLA", "PETG", "TPU 95A"])

@@ -1,19 +1,18 @@
 """Does a scene need the interlock? Effective stiffness of its unit cell, and what it changes: ``bench_interlock.py``.
 
-    python bench/bench_interlock.py                        # two minutes of processor time
+    python bench/bench_interlock.py                        # two and a half minutes of processor time
 
 1. bench/interlock_cell.csv: modulus of TPU gyroid in silicone by voxels along a period, phases that share a voxel side
    by side or in series (the truth lies between), beside the bounds of Voigt, Reuss, Hashin and Shtrikman.
 2. bench/interlock.csv: the shell D=130 T=8 with that zone as plain silicone, as the composite, and a hundred times
-   stiffer (about rigid): depth under the load and the dots' displacement; with ``--weights`` the error of weights that
-   were trained on plain silicone, on four paths that they have not seen.
+   stiffer (about rigid): depth under the load, the dots' displacement, and the error of weights that were trained on
+   plain silicone, on four paths that they have not seen.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import math
 import os
 import sys
 from collections.abc import Sequence
@@ -101,7 +100,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Whether a scene needs the interlock's stiffness.")
     parser.add_argument("--voxels", type=int, nargs="+", default=list(COUNTS), help="along a period, odd")
     parser.add_argument("--ratio", type=float, help="of the composite to silicone; without, the cell is solved")
-    parser.add_argument("--weights", action="store_true", help="also the error of weights that know plain silicone")
     options = parser.parse_args(arguments)
     ratio = options.ratio
     if ratio is None:
@@ -109,9 +107,8 @@ def main(arguments: list[str] | None = None) -> int:
         _write("interlock_cell.csv", rows)
     factors = (1.0, ratio, RIGID)
     states = [pressed(factor) for factor in factors]
-    error_n = weights_on(factors, FitConfig()) if options.weights else [math.nan] * len(factors)
     table = []
-    for factor, found, error in zip(factors, states, error_n, strict=True):
+    for factor, found, error in zip(factors, states, weights_on(factors, FitConfig()), strict=True):
         depth = [100 * (found[place][0] / states[0][place][0] - 1) for place in found]
         moved = [_apart(found[place][1], states[0][place][1]) for place in found]
         table.append(

@@ -44,7 +44,7 @@ def draw_layers(axes: Axes) -> None:
         axes,
         (2, 34.5, 96, 6),
         "endcap",
-        "the command; starts any of the commands below by name, imports none until then",
+        "the command and the Python API; imports what a subcommand or a call needs when it is used",
         SHARED,
     )
     box(axes, (2, 20, 26, 10), "fab", "meshing, checks, pictures, exports,\nslicing, build sheet", MAKE)
@@ -73,7 +73,7 @@ def draw_layers(axes: Axes) -> None:
     arrow(axes, (77, 27.5), (64, 27.5))
     axes.text(70.5, 28, "camera, records", size=7.5, ha="center", va="bottom", color="#333")
     arrow(axes, (64, 22.5), (77, 22.5))
-    axes.text(70.5, 22, "live.demo alone", size=7.5, ha="center", va="top", color="#333")
+    axes.text(70.5, 22, "demos, design", size=7.5, ha="center", va="top", color="#333")
 
 
 def chain(axes: Axes, bottom: float, steps: list[tuple[str, str]], colour: str) -> None:

@@ -110,7 +110,7 @@ def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):
     ("words", "said"),
     [
         (["D=130"], "D=130 without T"),
-        (["friction=0"], "friction=0 outside 0..3"),
+        (["friction=0"], "friction=0 is not above 0 and at most 3: give"),
         (["friction=slippery"], "friction=slippery is not a number: give Coulomb's mu"),
         (["friction=nan"], "friction=nan is not a number"),
         (["material=Jelly"], "choose one of"),

@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _friction(text: str) -> float:
     value = float(text) if is_plain(text) else math.nan
     if not 0 < value <= 3:
-        what = f"{plain(value)} outside 0..3" if is_plain(text) else f"{text} is not a number"
+        what = f"{plain(value)} is not above 0 and at most 3" if is_plain(text) else f"{text} is not a number"
         raise ParameterError(
             f"friction={what}: give Coulomb's mu of silicone and ground as a plain number, for example 0.8",
             name="friction", value=text,

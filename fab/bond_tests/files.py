@@ -81,10 +81,10 @@ def _rows(path: Path) -> list[list[str]]:
     mark = max(";\t,", key=lambda sign: sum(line.count(sign) > 0 for line in lines)) if lines else ","
     if sum(";" in line for line in lines) * 2 > len(lines):
         mark = ";"
-    rows = list(csv.reader(lines, delimiter=mark))
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)]
     if mark != ",":
-        rows = [[re.sub(r"^(-?\d+),(\d+)", r"\1.\2", cell) for cell in row] for row in rows]
-    return [[cell.strip() for cell in row] for row in rows]
+        rows = [[re.sub(r"^([+-]?\d+),(\d+)", r"\1.\2", cell) for cell in row] for row in rows]
+    return rows
 
 
 def _failure(path: Path, rows: list[list[str]]) -> str:
@@ -172,7 +172,7 @@ def _number(cell: str) -> float | None:
 
 
 def _require_steady(path: Path, data: dict[str, np.ndarray], lines: list[int]) -> None:
-    """No gap and no way back, in time or (without time) in displacement."""
+    """No gap and no way back, neither in time, where the file has it, nor in displacement."""
     for name in ("time_s", "displacement_mm"):
         if name not in data:
             continue

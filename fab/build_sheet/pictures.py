@@ -18,6 +18,7 @@ from cad.base import ARM_INSERT_RADIUS_MM
 from cad.bought import bought_mm
 from cad.dots import dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
+from cad.interface import POCKET_FLOOR_MM
 from cad.mold_layout import MoldLayout
 from fab.checks.extraction import Leg
 from fab.checks.screw_fit import ScrewFit
@@ -119,7 +120,7 @@ def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
         nut = trimesh.creation.box((side, side, thick))
         hole = trimesh.creation.cylinder(1.25, 3 * thick, sections=24)
         nut = from_manifold(to_manifold(nut) - to_manifold(hole))
-        nut.apply_translation((params.screw_circle_radius_mm - inward_mm, 0.0, 2.2 + thick / 2))
+        nut.apply_translation((params.screw_circle_radius_mm - inward_mm, 0.0, POCKET_FLOOR_MM + thick / 2))
         nut.apply_transform(trimesh.transformations.rotation_matrix(math.radians(azimuth), (0, 0, 1)))
         nuts.append(nut)
     return joined(nuts)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cad.lens import camera_module
 from cad.materials import Silicone
 from cad.mold_layout import MoldLayout
 from fab.design_page.outline import Profile, parts
-from fab.recipe import closed_cast_mm3
+from fab.recipe import SURPLUS, closed_cast_mm3
 from fab.slice.filaments import filament
 from fab.slice.footprints import footprints
 from fab.slice.printers import printer
@@ -30,10 +31,9 @@ MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
 RATE_G_H = 16.4  # E: 932 g in 56.8 h, support, brims and slow outer walls included
 HARDWARE = {"base": 0.60, "arm_adapter": 0.20}  # E: of the outline's volume that is plastic
 CAMERA_AND_RING_G = 35.0  # E
-SPACER_G = 12.0
-BOUGHT_USD = 75.0  # E: camera, ring, screws, inserts, cable
+SPACER_G = 12.0  # E: PETG
+SMALL_USD = 30.0  # E: ring, screws, inserts, cable
 SILICONE_USD_KG = 80.0  # E: of a silicone whose kit is not in fab/supplies.csv
-POURED = 1.15  # E: of the dome: sprues, cup
 
 
 @dataclass(frozen=True)
@@ -66,19 +66,21 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     params = layout.params
     revolved = {part.name: part for part in parts(layout)}
     mold = sum(_plastic_mm3(revolved[name].profiles[0], *how) for name, how in MOLD.items())
-    pla, tpu = filament("PLA"), filament("TPU 95A")
+    pla, petg, tpu = filament("PLA"), filament("PETG"), filament("TPU 95A")
     mold_g = mold / 1000 * pla.density_g_cm3
     hardware = {name: ratio * _volume_mm3(revolved[name].profiles[0]) for name, ratio in HARDWARE.items()}
     base_g, hardware_g = (v / 1000 * pla.density_g_cm3 for v in (hardware["base"], sum(hardware.values())))
     flange, zone = (_volume_mm3(profile) for profile in revolved["interface"].profiles)
     tpu_g = (flange + params.gyroid * zone) / 1000 * tpu.density_g_cm3
     silicone_g = closed_cast_mm3(params) / 1000 * row.density_g_cm3
-    plastic_usd = ((mold_g + hardware_g) * pla.price_usd_kg + tpu_g * tpu.price_usd_kg) / 1000
+    spools = ((mold_g + hardware_g, pla), (SPACER_G, petg), (tpu_g, tpu))
+    plastic_usd = sum(grams / 1000 * spool.price_usd_kg for grams, spool in spools)
+    silicone_usd = (1 + SURPLUS) * silicone_g / 1000 * _silicone_usd_kg(row.name)
     return Estimate(
-        silicone_g + tpu_g + base_g + CAMERA_AND_RING_G,
+        silicone_g + tpu_g + base_g + SPACER_G + CAMERA_AND_RING_G,
         mold_g,
         (mold_g + hardware_g + tpu_g + SPACER_G) / RATE_G_H,
-        plastic_usd + POURED * silicone_g / 1000 * _silicone_usd_kg(row.name) + BOUGHT_USD,
+        plastic_usd + silicone_usd + camera_module().price_usd + SMALL_USD,
         _bed(layout, printer_name),
     )
 

@@ -9,7 +9,7 @@ from shapely import LineString, Polygon, unary_union
 from shapely.affinity import rotate, scale, translate
 from shapely.geometry.base import BaseGeometry
 
-from cad.led_placement import azimuth_deg, unrolled
+from cad.led_placement import along_mm, azimuth_deg, unrolled
 from fab.led_ring.copper import Copper
 
 TEXT_MM = 0.9  # height of a capital
@@ -44,8 +44,7 @@ def silk_shape(copper: Copper, side: str) -> BaseGeometry:
             shapes.append(LineString([at, at + 1e-3]).buffer(0.2))
         if pad.reference.startswith("LED") and pad.pin == "A":
             azimuth = math.degrees(math.atan2(pad.centre[1], pad.centre[0]))
-            s = -math.radians(azimuth - azimuth_deg(0.0)) * 35.0
-            shapes.append(word(pad.reference.replace("LED", ""), s - 1.1, 2.3, side))
+            shapes.append(word(pad.reference.replace("LED", ""), along_mm(azimuth) - 1.1, 2.3, side))
     lands = unary_union([pad.shape for pad in copper.pads if pad.side == side])
     holes = unary_union([via.shape for via in copper.vias])
     return unary_union(shapes) - lands.buffer(PAD_GAP_MM) - holes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.data_table import positive, read_table
+from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
@@ -14,7 +14,12 @@ FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 
 @dataclass(frozen=True)
 class Filament:
-    """One row of the filament table; prices in US dollars."""
+    """One row of the filament table; prices in US dollars.
+
+    Attributes:
+        fan_percent: speed at which the fan that cools the part runs at the least, however long a layer takes; the
+            slicer raises it on layers of less than a minute and on bridges, and leaves it off on the first three.
+    """
 
     name: str
     type: str
@@ -23,6 +28,7 @@ class Filament:
     nozzle_c: int
     bed_c: int
     max_flow_mm3_s: float
+    fan_percent: int
     provenance: str
 
 
@@ -62,5 +68,13 @@ def _filament(row: dict[str, str]) -> Filament:
         int(positive(row, "nozzle_c")),
         int(positive(row, "bed_c")),
         positive(row, "max_flow_mm3_s"),
+        _percent(row, "fan_percent"),
         row["provenance"],
     )
+
+
+def _percent(row: dict[str, str], column: str) -> int:
+    value = number(row, column)
+    if not 0 <= value <= 100:
+        raise ValueError(f"{column}={row[column]!r} outside 0..100")
+    return int(value)

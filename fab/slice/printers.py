@@ -37,6 +37,8 @@ class Printer:
         width_mm, depth_mm, height_mm: printing space along x, y, z.
         exclude_mm: rectangle of the bed on which nothing may be printed; ``None`` for most.
         nozzle_mm: diameter of the nozzle.
+        retract_mm: filament drawn back before a move without printing: about 0.8 with a direct drive, 5 through a
+            Bowden tube.
         levelling: G-code lines that probe the bed.
         end: G-code lines after the print.
         prusa_printer, prusa_print: names of the presets in PrusaSlicer, empty where it has none.
@@ -51,6 +53,7 @@ class Printer:
     height_mm: float
     exclude_mm: Rectangle | None
     nozzle_mm: float
+    retract_mm: float
     levelling: tuple[str, ...]
     end: tuple[str, ...]
     prusa_printer: str
@@ -87,7 +90,7 @@ class Printer:
 
     @property
     def end_gcode(self) -> str:
-        r"""Lines after a print, joined by ``\n``; all moves of them are relative to nothing but home."""
+        r"""Lines after a print, joined by ``\n``: the nozzle, still hot, is lifted off the part before all else."""
         return "\\n".join(self.end)
 
     def takes(self, points: np.ndarray) -> bool:
@@ -255,6 +258,7 @@ def _printer(row: dict[str, str]) -> Printer:
         height,
         read_rectangle(row["exclude"]),
         nozzle,
+        positive(row, "retract_mm"),
         levelling,
         end,
         row["prusa_printer"],

@@ -77,6 +77,10 @@ ORCA_NAMES = {
     "solid_infill_below_area": "minimum_sparse_infill_area",
 }
 ORCA_PATTERNS = {"rectilinear": "zig-zag"}
+# Keys of the bed's temperature, by kind of plate: where one is left out, the second layer cools that plate to 35 or 45.
+ORCA_PLATES = [
+    f"{plate}_plate_temp{end}" for plate in ("cool", "eng", "hot", "textured") for end in ("", "_initial_layer")
+]
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,7 @@ class PrintSettings:
             "start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c),
             "end_gcode": self.printer.end_gcode,
             "gcode_label_objects": "1",
-            "retract_length": "0.8",
+            "retract_length": f"{self.printer.retract_mm:g}",
             "skirts": "0",
             "layer_height": f"{LAYER_MM:g}",
             "first_layer_height": f"{LAYER_MM:g}",
@@ -164,10 +168,11 @@ class PrintSettings:
             "filament_density": f"{filament.density_g_cm3:g}",
             "filament_cost": f"{filament.price_usd_kg:g}",
             "filament_max_volumetric_speed": f"{filament.max_flow_mm3_s:g}",
-            "temperature": str(filament.nozzle_c),
-            "first_layer_temperature": str(filament.nozzle_c),
-            "bed_temperature": str(filament.bed_c),
-            "first_layer_bed_temperature": str(filament.bed_c),
+            **dict.fromkeys(("temperature", "first_layer_temperature"), str(filament.nozzle_c)),
+            **dict.fromkeys(("bed_temperature", "first_layer_bed_temperature"), str(filament.bed_c)),
+            "fan_always_on": "1",
+            "disable_fan_first_layers": "3",
+            "min_fan_speed": str(filament.fan_percent),
         }
 
     def orca(self) -> dict[str, str | list[str]]:
@@ -178,11 +183,14 @@ class PrintSettings:
             **({"bed_exclude_area": self.printer.excluded_corners} if self.printer.exclude_mm else {}),
             "printable_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": [f"{self.printer.nozzle_mm:g}"],
+            "retraction_length": [f"{self.printer.retract_mm:g}"],
             **_named(
                 {"printer_settings_id": self.printer.orca_printer, "print_settings_id": self.printer.orca_process}
             ),
             "machine_start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c).replace("\\n", "\n"),
             "machine_end_gcode": self.printer.end_gcode.replace("\\n", "\n"),
+            "use_relative_e_distances": "1",
+            "before_layer_change_gcode": "G92 E0",
             "layer_height": f"{LAYER_MM:g}",
             "initial_layer_print_height": f"{LAYER_MM:g}",
             **dict.fromkeys(ORCA_LINES, f"{LINE_MM:g}"),
@@ -202,8 +210,10 @@ class PrintSettings:
             "filament_max_volumetric_speed": [f"{filament.max_flow_mm3_s:g}"],
             "nozzle_temperature": [str(filament.nozzle_c)],
             "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
-            "hot_plate_temp": [str(filament.bed_c)],
-            "hot_plate_temp_initial_layer": [str(filament.bed_c)],
+            **{key: [str(filament.bed_c)] for key in ORCA_PLATES},
+            "reduce_fan_stop_start_freq": ["1"],
+            "close_fan_the_first_x_layers": ["3"],
+            "fan_min_speed": [str(filament.fan_percent)],
         }
 
 
@@ -272,14 +282,8 @@ def part_settings(name: str, material: str, where: Printer | None = None) -> Pri
     """
     spool, where = filament(material), where or printer()
     if name == "interface":
-        return PrintSettings(
-            spool,
-            FLANGE,
-            30.0,
-            thin_lines=True,
-            reason="solid flange; the zone above it stays open for silicone",
-            printer=where,
-        )
+        reason = "solid flange; the zone above it stays open for silicone"
+        return PrintSettings(spool, FLANGE, 30.0, thin_lines=True, reason=reason, printer=where)
     if name.startswith("core_"):
         return PrintSettings(
             spool, CORE, 100.0, support=name != "core_centre", brim_mm=5.0, reason=CORE_REASON, printer=where
@@ -287,12 +291,6 @@ def part_settings(name: str, material: str, where: Printer | None = None) -> Pri
     if name == "hanger":
         return PrintSettings(spool, CUP, 100.0, reason="flat, stiff enough to close the mold", printer=where)
     if name.startswith("cup_"):
-        return PrintSettings(
-            spool,
-            CUP,
-            100.0,
-            brim_mm=3.0 if "bowl" in name else 0.0,
-            reason="three walls hold liquid",
-            printer=where,
-        )
+        brim_mm = 3.0 if "bowl" in name else 0.0
+        return PrintSettings(spool, CUP, 100.0, brim_mm=brim_mm, reason="three walls hold liquid", printer=where)
     return PrintSettings(spool, HARDWARE, 80.0, reason="stiff under its screws", printer=where)

@@ -89,9 +89,11 @@ def test_units_agree(tmp_path, header, scale):
     assert bond == pytest.approx(127.0, abs=0.01)
 
 
-def test_semicolons_and_decimal_commas(tmp_path):
+@pytest.mark.parametrize("cell", ["{:.5f}", "{:12.5f}", "{:+.5f}", " {:+.5f} "])
+def test_semicolons_and_decimal_commas(tmp_path, cell):
     x, y = pull()
-    lines = [f"{a / 10:.4f};{a:.5f};{b:.5f}".replace(".", ",") for a, b in zip(x, y, strict=True)]
+    row = ";".join([cell] * 3)
+    lines = [row.format(a / 10, a, b).replace(".", ",") for a, b in zip(x, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["Time (s);Extension (mm);Load (N)", *lines]))
     assert read_record(tmp_path / "a.csv").load_n.max() == pytest.approx(y.max(), abs=1e-5)
 

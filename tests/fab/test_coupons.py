@@ -68,6 +68,19 @@ def test_every_step_has_its_gap_and_a_shifted_tab_is_seen(parts):
     assert {f"fit_plate.socket_{k}_gap_mm" for k in range(1, 7)} <= failed(solid_checks({**parts, "fit_tab": moved}))
 
 
+def test_every_pocket_is_measured_and_one_of_another_width_is_seen(parts, monkeypatch):
+    nuts = {"fit_nuts": parts["fit_nuts"]}
+    monkeypatch.setattr("fab.coupons.checks.zones_mm", lambda: {})
+    pockets = [f"fit_nuts.pocket_{k}_play_mm" for k in range(1, 5)]
+    found = coupon_checks(nuts, {"fit_nuts": tessellate(parts["fit_nuts"].solid)})
+    assert failed(found) == set() and set(pockets) <= {check.name for check in found}
+    widths = coupons.NUT_WIDTHS_MM
+    monkeypatch.setattr(coupons, "NUT_WIDTHS_MM", (*widths[:2], widths[2] + 0.05, widths[3]))
+    other = coupons.fit_nuts()
+    found = coupon_checks({"fit_nuts": replace(parts["fit_nuts"], solid=other)}, {"fit_nuts": tessellate(other)})
+    assert failed(found) == {pockets[2]}
+
+
 def test_specimens_are_the_papers(parts):
     size = parts["tensile_plain_tpu"].solid.bounding_box().size
     assert tuple(size) == pytest.approx((25, 25, 50))

@@ -133,6 +133,7 @@ def test_the_wells_show_silicone_after_the_largest_leak_and_the_rest_has_its_pla
     ring = (layout.piston_radius_mm + clearance) ** 2 - layout.piston_radius_mm**2
     gap = math.pi * ring * (layout.seam_height_mm - layout.dam_top_mm)
     assert left - gap - vents == pytest.approx(SHOWN_RATIO * wells)
+    assert places.room == pytest.approx(gap + vents + wells)  # what the sheet says stays inside
     assert all(check.ok for check in overflow_checks(mix))
     most = (mix.poured_g + 1.0) / density - cast  # poured a gram too much, nothing lost
     assert most - vents - wells < math.pi * layout.hanger_radius_mm**2 * 1.0

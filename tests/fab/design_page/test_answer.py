@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 from long_cases import others_long
 
-from cad.interface import zone_clip_radius_mm, zone_volume_mm3
+from cad.base import base_part
+from cad.interface import build_flange, zone_clip_radius_mm, zone_volume_mm3
+from cad.lens import camera_module
+from cad.materials import silicone
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from cad.ring_spacer import ring_spacer_part
+from endcap.robot_model.parts import plastic_share
+from fab.design_page import estimate as estimates
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.estimate import _surface_mm2, _volume_mm3
 from fab.design_page.outline import interface_profiles, parts, revolved, shell_profile
+from fab.meshing.mesh import tessellate
 from fab.recipe import closed_cast_mm3
+from fab.slice.filaments import filament
 from fab.variant import Variant
 
 SIZES = others_long([(98.86, 6.62), (180.0, 18.0), (171.3, 11.1), (130.0, 8.0), (250.0, 25.0)], 2)
@@ -56,6 +65,28 @@ def test_every_outline_is_closed_turns_outward_and_reaches_no_axis_twice(size):
             assert merged.is_watertight and merged.volume > 0, part.name
             assert merged.volume == pytest.approx(_volume_mm3(profile), rel=2e-3)
             assert min(radius for radius, _ in profile) >= 0
+
+
+def test_the_endcap_weighs_what_all_of_its_parts_weigh_the_spacer_too():
+    """Solids of base and spacer as skin and infill, not outlines; without the spacer the page was 4 % too light."""
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    params, row = layout.params, silicone(layout.silicone)
+    grams = closed_cast_mm3(params) / 1000 * row.density_g_cm3 + estimates.CAMERA_AND_RING_G
+    tpu_mm3 = build_flange(params).volume + params.gyroid * zone_volume_mm3(params)
+    grams += tpu_mm3 / 1000 * filament("TPU 95A").density_g_cm3
+    for part in (base_part(params), ring_spacer_part(params)):
+        mesh = tessellate(part.solid, 0.05)
+        grams += plastic_share(mesh) * mesh.volume / 1000 * filament(part.material).density_g_cm3
+    assert estimates.estimate(layout, row, "generic256").endcap_g == pytest.approx(grams, rel=0.02)
+
+
+def test_the_cost_follows_the_price_of_the_camera_module_at_hand(monkeypatch):
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    usual = estimates.estimate(layout, silicone(layout.silicone), "generic256")
+    other = replace(camera_module(), price_usd=camera_module().price_usd + 100.0)
+    monkeypatch.setattr(estimates, "camera_module", lambda: other)
+    dearer = estimates.estimate(layout, silicone(layout.silicone), "generic256")
+    assert dearer.usd == pytest.approx(usual.usd + 100.0)
 
 
 @pytest.mark.parametrize("knobs", [{"D": "130", "T": "8"}, {"material": "Ecoflex 00-30", "joint_clearance": "0.1"}])

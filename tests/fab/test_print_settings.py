@@ -1,0 +1,66 @@
+"""What a printer needs beside its moves: lift at the end, fan, bed on any plate, filament drawn back."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+import trimesh
+
+from fab.slice.filaments import filament
+from fab.slice.gcode import _Reader, read_gcode
+from fab.slice.printers import printers
+from fab.slice.project_3mf import Volume, single, write_prusa
+from fab.slice.run import NAMES, slice_to_gcode
+from fab.slice.settings import part_settings
+
+SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+def test_every_printer_lifts_its_nozzle_off_the_part_before_it_stops_or_goes_aside():
+    """The slicer leaves a nozzle of 215 degrees on the last line: on the tip of the core, where it melts a pit."""
+    for name, each in printers().items():
+        after = _Reader(name)
+        after.z = last_layer = 57.4
+        for line in each.end:
+            moves_aside = line.startswith("G28") or (line.startswith("G1") and ("X" in line or "Y" in line))
+            assert after.z >= last_layer + 5 or not (moves_aside or line.startswith("M84")), (name, line)
+            after.line(line)
+        assert after.z == pytest.approx(last_layer + 10), name
+
+
+@pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
+def test_pla_is_cooled_however_long_a_layer_takes(tmp_path):
+    """By the slicer's own default the fan stands still over every layer of a minute and more: a plate of a mold."""
+    ring = trimesh.creation.annulus(20, 60, 2)
+    ring.apply_translation((0, 0, 1))
+    path = tmp_path / "bowl.3mf"
+    write_prusa(single("bowl", part_settings("cup_bowl_1", "PLA"), (Volume("bowl", ring),)), path)
+    slice_to_gcode(SLICER, path, tmp_path / "bowl.gcode")
+    layers = (tmp_path / "bowl.gcode").read_text().split(";LAYER_CHANGE")[1:]
+    assert read_gcode(tmp_path / "bowl.gcode").slicer_time_s > 60 * len(layers)
+    fan = re.findall(r"^M10[67].*", "".join(layers[: len(layers) // 2]), re.MULTILINE)
+    assert fan[-1] == "M106 S255"
+    orca = part_settings("ring_spacer", "PETG").orca()
+    assert (orca["reduce_fan_stop_start_freq"], orca["fan_min_speed"]) == (["1"], ["30"])
+    assert orca["close_fan_the_first_x_layers"] == [part_settings("base", "PLA").prusa()["disable_fan_first_layers"]]
+
+
+@pytest.mark.parametrize("material", ["PLA", "PETG", "TPU 95A"])
+def test_orca_projects_slice_with_relative_filament_and_keep_their_bed_warm_on_any_plate(material):
+    """OrcaSlicer refuses relative filament (its default) without a reset; a plate's own bed is 35 to 45 degrees."""
+    settings = part_settings("base", material).orca()
+    assert (settings["use_relative_e_distances"], settings["before_layer_change_gcode"]) == ("1", "G92 E0")
+    assert "\nM83" in settings["machine_start_gcode"]
+    bed = [str(filament(material).bed_c)]
+    for kind in ("cool", "eng", "hot", "textured"):
+        assert settings[f"{kind}_plate_temp"] == settings[f"{kind}_plate_temp_initial_layer"] == bed
+
+
+def test_filament_is_drawn_back_as_far_as_the_printers_own_profile_draws_it():
+    """5 mm through the Bowden tube of an Ender-3: 0.8 mm, enough for a direct drive, strings every move."""
+    for name, each in printers().items():
+        settings, retract = part_settings("base", "PLA", each), "5" if name == "ender3" else "0.8"
+        assert settings.prusa()["retract_length"] == retract, name
+        assert settings.orca()["retraction_length"] == [retract], name

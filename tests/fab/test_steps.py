@@ -15,7 +15,7 @@ from cad.hanger import hanger_part
 from cad.interface import build_flange, build_zone
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout
+from cad.mold_layout import MoldLayout, rotated
 from cad.params import EndcapParams
 from fab.build_sheet.steps import BLANK
 from fab.checks.extraction import Leg, core_path
@@ -90,6 +90,21 @@ def test_the_upper_half_is_turned_over_once_and_drawn_as_it_is_held(size):
         (move,) = unit.moves
         assert move.parts == ("hanger", *COLLAR) and move.way_out[0].direction == (0.0, 0.0, -1.0)
         assert unit.look.startswith("dome down")
+
+
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_numbers_of_keys_and_wedges_are_where_the_sheet_sees_their_holes(size):
+    """Seen from the hanger, along z, with the piece's outside up: a hole at a larger azimuth is on the right."""
+    layout = MoldLayout(EndcapParams(*size))
+    words = str(mold_steps(layout, ways(layout)))
+    sides = re.search(r"number 1 has its hole on the (\w+), 2 in the (\w+), 3 on the (\w+)", words)
+    assert sides
+    for first, kind in ((0.0, "key"), (60.0, "wedge")):
+        for k, side in enumerate(sides.groups()):
+            x, y = rotated(layout.core_screws_mm[f"core_{kind}_{k + 1}"][0], -first - 120.0 * k)
+            assert x > 0 and side == ("middle" if abs(y) < 1e-9 else "right" if y > 0 else "left")
+    clockwise = re.search(r"Clockwise lie key 1, wedge 1, key 2", words)
+    assert bool(clockwise) != core_passes_gyroid(layout)
 
 
 def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():

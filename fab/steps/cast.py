@@ -74,8 +74,9 @@ def _closed(layout: MoldLayout) -> tuple[Step, ...]:
                 "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
                 "while: air under the flat flange runs along it to that vent.",
                 "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap.",
-                "{beyond_ml} ml are poured beyond the cast. The dam's gap, vents and wells have room for {room_ml} ml, "
-                "up to {leak_ml} ml creep out at the bowl's joints; the rest rises onto the hanger.",
+                "{beyond_ml} ml are poured beyond the cast. The dam's gap, the flange's edge, vents and wells have "
+                "room for {room_ml} ml, up to {leak_ml} ml creep out at the bowl's joints; the rest rises onto the "
+                "hanger.",
                 "Look again before the {pot_life_min} min of the pot life are over: push what lies on the hanger into "
                 "a well that has sunk, and wipe the rest off the screws' heads.",
                 "Leave it for {cure_h} h at room temperature.",

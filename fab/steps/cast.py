@@ -70,7 +70,8 @@ def _closed(layout: MoldLayout) -> tuple[Step, ...]:
             "cast",
             "Close, and look at the wells",
             (
-                "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats.",
+                "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats; a socket from "
+                "below holds each nut in its recess.",
                 "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
                 "while: air under the flat flange runs along it to that vent.",
                 "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap.",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cad.data_table import positive, read_table
+from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
@@ -14,7 +14,11 @@ FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
 
 @dataclass(frozen=True)
 class Filament:
-    """One row of the filament table; prices in US dollars."""
+    """One row of the filament table; prices in US dollars, the fan in per cent of its full speed.
+
+    The fan runs however long a layer takes. By default slicers start it on layers of less than a minute alone, and
+    those of a plate with several parts take longer: PLA overhangs of 45 degrees would curl up.
+    """
 
     name: str
     type: str
@@ -23,6 +27,7 @@ class Filament:
     nozzle_c: int
     bed_c: int
     max_flow_mm3_s: float
+    fan_percent: int
     provenance: str
 
 
@@ -54,6 +59,9 @@ def filament(name: str) -> Filament:
 
 
 def _filament(row: dict[str, str]) -> Filament:
+    fan_percent = number(row, "fan_percent")  # ABS prints without one
+    if not 0 <= fan_percent <= 100:
+        raise ValueError(f"fan_percent={fan_percent:g} outside 0..100")
     return Filament(
         row["name"],
         row["type"],
@@ -62,5 +70,6 @@ def _filament(row: dict[str, str]) -> Filament:
         int(positive(row, "nozzle_c")),
         int(positive(row, "bed_c")),
         positive(row, "max_flow_mm3_s"),
+        int(fan_percent),
         row["provenance"],
     )

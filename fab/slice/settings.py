@@ -164,10 +164,10 @@ class PrintSettings:
             "filament_density": f"{filament.density_g_cm3:g}",
             "filament_cost": f"{filament.price_usd_kg:g}",
             "filament_max_volumetric_speed": f"{filament.max_flow_mm3_s:g}",
-            "temperature": str(filament.nozzle_c),
-            "first_layer_temperature": str(filament.nozzle_c),
-            "bed_temperature": str(filament.bed_c),
-            "first_layer_bed_temperature": str(filament.bed_c),
+            **dict.fromkeys(("temperature", "first_layer_temperature"), str(filament.nozzle_c)),
+            **dict.fromkeys(("bed_temperature", "first_layer_bed_temperature"), str(filament.bed_c)),
+            "fan_always_on": "1",
+            **dict.fromkeys(("min_fan_speed", "max_fan_speed"), str(filament.fan_percent)),
         }
 
     def orca(self) -> dict[str, str | list[str]]:
@@ -204,6 +204,8 @@ class PrintSettings:
             "nozzle_temperature_initial_layer": [str(filament.nozzle_c)],
             "hot_plate_temp": [str(filament.bed_c)],
             "hot_plate_temp_initial_layer": [str(filament.bed_c)],
+            "reduce_fan_stop_start_freq": ["1"],
+            **{key: [str(filament.fan_percent)] for key in ("fan_min_speed", "fan_max_speed")},
         }
 
 

@@ -54,8 +54,9 @@ def box(x: float, y: float, z: float) -> trimesh.Trimesh:
             "exclude='18|28' is no",
         ),
         (printers.PRINTER_TABLE, printers._printer, "mine,Mine,200", "not one value for each column"),
-        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,E", "density_g_cm3='-1'"),
-        (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,E", "is there twice"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,0,E", "density_g_cm3='-1'"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,1,20,250,100,9,255,E", "255 outside 0..100"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,100,E", "is there twice"),
     ],
 )
 def test_a_bad_row_is_named_by_its_line(table, read, row, expected, tmp_path):

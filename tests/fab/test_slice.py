@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import shutil
 from pathlib import Path
 from zipfile import ZipFile
@@ -252,6 +253,20 @@ def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
     assert 0.5 * solid < result.figures.grams < 1.1 * solid
     assert result.figures.extent_mm[2] == 3.0 and math.isfinite(result.figures.time_s)
     assert moves.kinds and result.record()["pieces"][0]["settings"]["walls"] == settings.region.walls
+
+
+@needs_slicer
+def test_the_fan_runs_on_layers_that_take_more_than_a_minute(tmp_path):
+    """By the slicers' own default it starts below a minute: these layers had none."""
+    settings = part_settings("base", "PLA")
+    project = single("base", settings, (Volume("base", box(80, 80, 1.6)),))
+    result = slice_project(SLICER, project, tmp_path, SMALL, keep_gcode=True)
+    assert result.figures.time_s > 60.0 * 8
+    layers = (tmp_path / "base.gcode").read_text().split(";LAYER_CHANGE")[1:]
+    fans = [re.findall(r"^M10[67](?: S\S+)?", layer, re.MULTILINE) for layer in layers]
+    assert fans == [[], [], ["M106 S255"], [], [], [], [], ["M107"]]  # from the fourth layer to the end
+    orca = settings.orca()
+    assert orca["reduce_fan_stop_start_freq"] == ["1"] and orca["fan_min_speed"] == orca["fan_max_speed"] == ["100"]
 
 
 @needs_slicer

@@ -58,7 +58,8 @@ def _closed(layout: MoldLayout) -> tuple[Step, ...]:
             "cast",
             "Lower the upper half",
             (
-                f"{first} Lower it upright, slowly: the silicone climbs into the gyroid.",
+                f"{first} Lower it upright, slowly: the silicone climbs into the gyroid. The collar's seams come "
+                "midway between the bowl's, so that the bolts tie all segments.",
                 f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
             ),
             (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),

@@ -107,6 +107,15 @@ def test_the_numbers_of_keys_and_wedges_are_where_the_sheet_sees_their_holes(siz
     assert bool(clockwise) != core_passes_gyroid(layout)
 
 
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_upper_half_is_lowered_with_its_seams_between_those_of_the_bowl(size):
+    """Six bolts fit every 60 degrees; with seam on seam each ties a segment of the collar to the one under it alone."""
+    layout = MoldLayout(EndcapParams(*size))
+    close = next(step for step in cast_steps(layout, ways(layout)) if step.key == "close")
+    assert "midway between the bowl's" in " ".join(close.lines)
+    assert [seam - 60.0 for seam in layout.collar_seams_deg] == list(layout.bowl_seams_deg)
+
+
 def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():
     small = MoldLayout(EndcapParams(104.0, 6.5))
     lines = supply_lines(recipe(2e5, overflow_of(small)), small)

@@ -116,6 +116,14 @@ def test_the_upper_half_is_lowered_with_its_seams_between_those_of_the_bowl(size
     assert [seam - 60.0 for seam in layout.collar_seams_deg] == list(layout.bowl_seams_deg)
 
 
+def test_the_lens_is_bare_only_after_the_last_glue():
+    """Vapour of cyanoacrylate blooms on a lens; the cover came off a step before spacer and ring were glued."""
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    words = [" ".join(step.lines) for step in all_steps(layout, ways(layout))]
+    (bare,) = (k for k, step in enumerate(words) if "ens cover off" in step)
+    assert bare > max(k for k, step in enumerate(words) if "glue at" in step or "drop of glue" in step)
+
+
 def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():
     small = MoldLayout(EndcapParams(104.0, 6.5))
     lines = supply_lines(recipe(2e5, overflow_of(small)), small)

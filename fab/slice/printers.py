@@ -87,8 +87,8 @@ class Printer:
 
     @property
     def end_gcode(self) -> str:
-        r"""Lines after a print, joined by ``\n``; all moves of them are relative to nothing but home."""
-        return "\\n".join(self.end)
+        r"""Lines after a print, joined by ``\n``: off the part, which a nozzle at rest would melt, then the table's."""
+        return "\\n".join(("G91", "G1 Z5 F720", "G90", *self.end))
 
     def takes(self, points: np.ndarray) -> bool:
         """Whether a part fits in some turn about the vertical.

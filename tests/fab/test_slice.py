@@ -256,14 +256,16 @@ def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
 
 
 @needs_slicer
-def test_the_fan_runs_on_layers_that_take_more_than_a_minute(tmp_path):
-    """By the slicers' own default it starts below a minute: these layers had none."""
+def test_the_fan_runs_on_layers_of_over_a_minute_and_the_nozzle_leaves_the_part(tmp_path):
+    """By the slicers' own default it starts below a minute: these had none. The hot nozzle stayed on the last."""
     settings = part_settings("base", "PLA")
     project = single("base", settings, (Volume("base", box(80, 80, 1.6)),))
     result = slice_project(SLICER, project, tmp_path, SMALL, keep_gcode=True)
     assert result.figures.time_s > 60.0 * 8
     layers = (tmp_path / "base.gcode").read_text().split(";LAYER_CHANGE")[1:]
     fans = [re.findall(r"^M10[67](?: S\S+)?", layer, re.MULTILINE) for layer in layers]
+    end = layers[-1].split("\n; filament used")[0].rsplit(" E", 1)[1]  # after the last retraction
+    assert end.index("G1 Z5") < end.index("G90") < end.index("M84")
     assert fans == [[], [], ["M106 S255"], [], [], [], [], ["M107"]]  # from the fourth layer to the end
     orca = settings.orca()
     assert orca["reduce_fan_stop_start_freq"] == ["1"] and orca["fan_min_speed"] == orca["fan_max_speed"] == ["100"]

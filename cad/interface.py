@@ -59,10 +59,20 @@ def vent_reach_mm(params: EndcapParams, height_mm: float) -> float:
 
     A notch's axis is the chord of the flange's outer surface between bottom and top; it leans by the chord's slope.
     """
-    sphere, top = params.outer_radius_mm - COLLAR_CLEARANCE_MM, params.flange_thickness_mm
-    low, high = (_sphere_section(params, sphere, z) for z in (0.0, top))
-    slope = (high - low) / top
+    low, slope = _edge(params)
     return low + slope * height_mm - VENT_DIAMETER_MM / 2 * math.hypot(1.0, slope)
+
+
+def edge_room_mm3(params: EndcapParams) -> float:
+    """Room between flange and collar: their clearance, and the notches of the vents as half a cylinder each.
+
+    The sphere bulges beyond the notches' axes: up to a twentieth of the room is left out.
+    """
+    outer, top = params.outer_radius_mm, params.flange_thickness_mm
+    low, high = (z - params.centre_height_mm for z in (0.0, top))
+    clearance = _slab_mm3(outer, low, high) - _slab_mm3(outer - COLLAR_CLEARANCE_MM, low, high)
+    notch = math.pi * VENT_DIAMETER_MM**2 / 8 * top * math.hypot(1.0, _edge(params)[1])
+    return clearance + len(vent_azimuths_deg()) * notch
 
 
 def zone_volume_mm3(params: EndcapParams) -> float:
@@ -107,6 +117,13 @@ def build_zone(params: EndcapParams) -> Solid:
 def build_interface(params: EndcapParams) -> Part:
     """The printed part; its solid is the flange, its mesh (with the gyroid) comes from :mod:`fab.meshing.gyroid`."""
     return Part("interface", "printed", "TPU 95A", build_flange(params), COLOR)
+
+
+def _edge(params: EndcapParams) -> tuple[float, float]:
+    """Radius of the flange's edge at the mating plane, and how much it grows for each mm of height up to the top."""
+    sphere, top = params.outer_radius_mm - COLLAR_CLEARANCE_MM, params.flange_thickness_mm
+    low, high = (_sphere_section(params, sphere, z) for z in (0.0, top))
+    return low, (high - low) / top
 
 
 def _sphere_section(params: EndcapParams, radius: float, height: float) -> float:

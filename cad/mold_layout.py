@@ -31,13 +31,13 @@ TAB_BEYOND_RATIO = 0.62  # E: of a core tab's radius, how far its centre lies be
 CORE_NECK_HALF_MM = 1.6  # E: half the least neck of a core tab: eight lines of a 0.4 mm nozzle across it
 PILOT_RADIUS_MM = 1.3  # S: hole for an M3 screw that cuts its thread in PLA
 CORE_SCREW_INSIDE_MM = PILOT_RADIUS_MM + 1.5  # E: of an axis from the exit circle: 2 mm of PLA to the cavity
+CORE_SCREW_TURNS_DEG = (-8.0, 0.0, 8.0)  # E: of 1, 2, 3, whose bumps differ: 4.9 mm at least, so none fits elsewhere
 FLANGE_TAB_OFFSET_MM = 13.7  # clear of the dam: a tab that touches it carries a sliver of it
 FLANGE_TAB_RADIUS_MM, FLANGE_TAB_BEYOND_MM = 3.5, 2.2  # the jigsaw tab in the bolt flanges of bowl and collar
 COLLAR_TIP_MM, TIP_HOLE_DEPTH_MM = 9.0, 1.0  # how far the collar's screws may reach; holes where the collar is lower
 PIN_SOCKET_RADIUS_MM = 3.0  # the hanger's pins are smaller by the joint clearance
 LEAST_WALL_MM = 1.2  # E: of PLA between a pin's socket and the cavity, above a screw: three lines of a 0.4 mm nozzle
-PIN_DEPTH_MM = 4.5  # of the sockets in the collar for the hanger's pins
-PIN_PLAY_MM = 0.5  # a pin ends short of its socket's floor
+PIN_DEPTH_MM, PIN_PLAY_MM = 4.5, 0.5  # of the collar's sockets for the hanger's pins, and by how much a pin ends short
 LEAST_STEP_MM = 2.0  # E: a lower step than this would leave a film of PLA over the bolts' spot faces
 
 
@@ -264,9 +264,9 @@ class MoldLayout:
         key_x = min(farthest, (self.centre_inradius_mm + 2 * self.core_tab_radius_mm + self.neck_radius_mm) / 2)
         wedge_x = min(farthest, (self.centre_short_inradius_mm + self.neck_radius_mm) / 2)
         places: dict[str, tuple[tuple[float, float], ...]] = {"core_centre": ((10.0, 0.0), (-10.0, 0.0))}
-        for k, azimuth in enumerate(self.key_azimuths_deg):
-            places[f"core_key_{k + 1}"] = (rotated((key_x, 0.0), azimuth),)
-            places[f"core_wedge_{k + 1}"] = (rotated((wedge_x, 0.0), azimuth + 60.0),)
+        for k, (azimuth, turn) in enumerate(zip(self.key_azimuths_deg, CORE_SCREW_TURNS_DEG, strict=True), 1):
+            places[f"core_key_{k}"] = (rotated((key_x, 0.0), azimuth + turn),)
+            places[f"core_wedge_{k}"] = (rotated((wedge_x, 0.0), azimuth + turn + 60.0),)
         return places
 
     @property

@@ -4,9 +4,9 @@ The volume is that of the shell's mesh: the body as cast, dents and gyroid taken
 ``cad/materials.csv``; surplus and times below are our estimates (E).
 
 Beyond the cast goes what a well shows last: the silicone that creeps out at the bowl's joints, at most
-(:mod:`cad.leak`), what dam's gap and vents hold, and the hand's error. Where less of it is lost, the rest rises through
-the wells onto the level hanger and stays there as a film. What passes the dam's gap finds more room between the bolt
-flanges; it is not counted.
+(:mod:`cad.leak`), what dam's gap, flange's edge and vents hold, and the hand's error. Where less of it is lost, the
+rest rises through the wells onto the level hanger and stays there as a film. What passes the dam's gap finds more room
+between the bolt flanges; it is not counted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 from cad.errors import FileError
 from cad.feasible import DAM_MARGIN_MM
-from cad.interface import zone_volume_mm3
+from cad.interface import edge_room_mm3, zone_volume_mm3
 from cad.leak import leak_ratio, solid_shell_mm3
 from cad.materials import DEFAULT_SILICONE, Silicone, mix_parts, silicone
 from cad.mold_layout import MoldLayout
@@ -58,6 +58,7 @@ class Overflow:
     Attributes:
         leak: at most, out of the bowl's joints before it sets.
         gap: between dam and piston.
+        edge: between the interface's flange and the collar; silicone gets to the vents through its notches.
         vents: of the hanger, below the wells.
         wells: of the hanger, full.
         film: on top of the hanger.
@@ -66,6 +67,7 @@ class Overflow:
 
     leak: float
     gap: float
+    edge: float
     vents: float
     wells: float
     film: float
@@ -74,7 +76,7 @@ class Overflow:
     @property
     def room(self) -> float:
         """What stays inside the closed mold."""
-        return self.gap + self.vents + self.wells
+        return self.gap + self.edge + self.vents + self.wells
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,10 @@ class Recipe:
     def beyond_mm3(self) -> float:
         """What is poured beyond the cast: enough for the wells to show it after the largest leak and too short a pour.
 
-        Gap and vents lie deeper than the wells, so they count as full.
+        Gap, edge and vents lie deeper than the wells, so they count as full.
         """
-        lost = self.overflow.leak + self.hand_mm3
-        return lost + self.overflow.gap + self.overflow.vents + SHOWN_RATIO * self.overflow.wells
+        lost, places = self.overflow.leak + self.hand_mm3, self.overflow
+        return lost + places.gap + places.edge + places.vents + SHOWN_RATIO * places.wells
 
     @property
     def poured_g(self) -> float:
@@ -223,6 +225,7 @@ def overflow_of(layout: MoldLayout) -> Overflow:
     return Overflow(
         leak=leak_ratio(params, silicone(layout.silicone), layout.joint_clearance_mm, layout.bowl_wall_mm, 1.0),
         gap=math.pi * (outer**2 - inner**2) * (layout.seam_height_mm - layout.dam_top_mm),
+        edge=edge_room_mm3(params),
         vents=count * math.pi * VENT_RADIUS_MM**2 * (layout.hanger_thickness_mm - WELL_DEPTH_MM),
         wells=count * math.pi * WELL_RADIUS_MM**2 * WELL_DEPTH_MM,
         film=math.pi * (layout.hanger_radius_mm**2 - count * WELL_RADIUS_MM**2) * FILM_MM,
@@ -233,7 +236,7 @@ def overflow_of(layout: MoldLayout) -> Overflow:
 def overflow_checks(mix: Recipe) -> list[Check]:
     """The pour fills the mold after the largest leak, and all of it has its place without any."""
     places, most = mix.overflow, mix.beyond_mm3 + mix.hand_mm3
-    least = mix.beyond_mm3 - mix.hand_mm3 - places.leak - places.gap - places.vents
+    least = mix.beyond_mm3 - mix.hand_mm3 - places.leak - places.gap - places.edge - places.vents
     return [
         Check("recipe.overflow_spare_mm3", places.vents + places.wells + places.film - most, low=0.0),
         Check("recipe.dam_spare_mm3", places.dam - most, low=0.0),

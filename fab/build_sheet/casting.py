@@ -45,8 +45,8 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
         (
             "pour",
             f"{recipe.poured_g:.0f} g: {recipe.beyond_mm3 / 1000:.1f} ml more than the cast, of which as much as "
-            f"{millilitres(recipe.overflow.leak)} ml creeps out at the bowl's joints; the dam's gap, vents and wells "
-            f"have room for {recipe.overflow.room / 1000:.1f} ml, the rest rises onto the hanger",
+            f"{millilitres(recipe.overflow.leak)} ml creeps out at the bowl's joints; the dam's gap, the flange's "
+            f"edge, vents and wells have room for {recipe.overflow.room / 1000:.1f} ml, the rest rises onto the hanger",
         ),
         ("density", f"{silicone.density_g_cm3:g} g/ml"),
         ("pot life", f"{silicone.pot_life_min:g} min at 23 °C; warmer is shorter"),

@@ -76,9 +76,9 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
         Heading("Open the projects"),
         Paragraph(
             "PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open Project, "
-            "<plate>.orca.3mf, and answer that you want it as a project, not geometry only. Pose, filling and "
-            f"temperatures are inside. {_preset(printer)} Do not arrange or turn the parts; slice, look at the first "
-            "layer, print."
+            "<plate>.orca.3mf, and answer that you want it as a project, not geometry only. Pose, filling, "
+            f"temperatures and fan are inside. {_preset(printer)} Do not arrange or turn the parts; slice, look at the "
+            "first layer, print."
         ),
         Paragraph(
             "Print ONE interface: interface_infill (the slicer makes the gyroid; quick, small) unless you want "

@@ -16,7 +16,7 @@ def cast_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
         layout: mold sizes.
         ways: way out of every core piece (:func:`fab.checks.extraction.core_path`).
     """
-    return (*_poured(), *_closed(layout), *_opened(layout), *_core_out(layout, ways))
+    return (*_poured(), _lowered(layout), _closed(), *_opened(layout), *_core_out(layout, ways))
 
 
 def _poured() -> tuple[Step, ...]:
@@ -46,45 +46,53 @@ def _poured() -> tuple[Step, ...]:
     )
 
 
-def _closed(layout: MoldLayout) -> tuple[Step, ...]:
+def _lowered(layout: MoldLayout) -> Step:
+    """The upper half into the bowl."""
     stroke = layout.seam_height_mm - layout.dam_top_mm
     # Where the core went into the interface first, the hanger was lowered onto both: the core is down already.
     first = (
         "Turn the upper half over, core down." if core_passes_gyroid(layout) else "Lift the upper half off its ring."
     )
-    return (
-        Step(
-            "close",
-            "cast",
-            "Lower the upper half",
-            (
-                f"{first} Lower it upright, slowly: the silicone climbs into the gyroid.",
-                f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
-            ),
-            (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),
-            look="dome down, from the side",
-            drawn_mm=0.8 * layout.params.tip_height_mm,
+    return Step(
+        "close",
+        "cast",
+        "Lower the upper half",
+        (
+            f"{first} Lower it upright, slowly: the silicone climbs into the gyroid. The collar's seams come "
+            "midway between the bowl's, so that the bolts tie all segments.",
+            f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
         ),
-        Step(
-            "closed",
-            "cast",
-            "Close, and look at the wells",
-            (
-                "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats.",
-                "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
-                "while: air under the flat flange runs along it to that vent.",
-                "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap.",
-                "{beyond_ml} ml are poured beyond the cast. The dam's gap, vents and wells have room for {room_ml} ml, "
-                "up to {leak_ml} ml creep out at the bowl's joints; the rest rises onto the hanger.",
-                "Look again before the {pot_life_min} min of the pot life are over: push what lies on the hanger into "
-                "a well that has sunk, and wipe the rest off the screws' heads.",
-                "Leave it for {cure_h} h at room temperature.",
-            ),
-            screws=("cup_collar",),
-            look="dome down, from the side",
-            shown=(*BOWL, *UPPER, "shell"),
-            cut=(*BOWL, *UPPER, "shell"),
+        (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),
+        look="dome down, from the side",
+        drawn_mm=0.8 * layout.params.tip_height_mm,
+    )
+
+
+def _closed() -> Step:
+    """Bolts, and what the wells show until the cure."""
+    return Step(
+        "closed",
+        "cast",
+        "Close, and look at the wells",
+        (
+            "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats; a socket from "
+            "below holds each nut in its recess.",
+            "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
+            "while: air under the flat flange runs along it to that vent.",
+            "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap; if it "
+            "stays dry, fill it with the stick from what is left in the cup.",
+            "{beyond_ml} ml are poured beyond the cast. The dam's gap, the flange's edge, vents and wells have "
+            "room for {room_ml} ml, up to {leak_ml} ml creep out at the bowl's joints; the rest rises onto the "
+            "hanger.",
+            "Look again before the {pot_life_min} min of the pot life are over: silicone creeps into the core's "
+            "joints, too. Push what lies on the hanger into a well that has sunk, or fill it from the cup, and "
+            "wipe the rest off the screws' heads.",
+            "Leave it for {cure_h} h at room temperature.",
         ),
+        screws=("cup_collar",),
+        look="dome down, from the side",
+        shown=(*BOWL, *UPPER, "shell"),
+        cut=(*BOWL, *UPPER, "shell"),
     )
 
 
@@ -131,12 +139,11 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
 
 def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
     """The core's pieces out of the cast."""
-    far = layout.params.tip_height_mm
-    cast = ("shell", "interface")
+    cast, drawn_mm = ("shell", "interface"), 1.2 * layout.params.tip_height_mm
 
     def core(key: str, title: str, lines: tuple[str, ...], names: tuple[str, ...], later: tuple[str, ...]) -> Step:
         moves = one_by_one(names, dict(ways), (*cast, *later), False)
-        return Step(key, "demold", title, lines, moves, False, look="dome down", cut=cast, drawn_mm=1.2 * far)
+        return Step(key, "demold", title, lines, moves, False, look="dome down", cut=cast, drawn_mm=drawn_mm)
 
     return (
         core(
@@ -163,7 +170,10 @@ def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
         core(
             "wedges_out",
             "Wedges out",
-            ("The same way, with the same grip.", "Trim the flash at seam and vents. Weigh the endcap."),
+            (
+                "The same way, with the same grip. Trim the flash at seam and vents, and inside the fins that the "
+                "core's joints have left: the camera sees them. Weigh the endcap.",
+            ),
             WEDGES,
             (),
         ),

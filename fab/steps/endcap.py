@@ -47,7 +47,7 @@ def _camera() -> Step:
             "base, so the small plugs go up from below.",
             "Unplug the camera's cable from its board. Push its small plug up through that slot, then the free SH plug "
             "of the ring's cable, and let the SH plug lie beside the pocket. Plug the camera's cable in again.",
-            "Board onto its four corner posts, lens up, its cable in the channel under it; lens cover off last.",
+            "Board onto its four corner posts, lens up and covered, its cable in the channel under it.",
             "{screws:camera_to_base} cut their own thread in the plastic: slowly, half a turn back for each turn "
             "in; stop when they bear.",
         ),
@@ -89,6 +89,7 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
             "assemble",
             "Base to endcap",
             (
+                "Lens cover off once the glue has set and smells no more: its vapour leaves a white bloom on a lens.",
                 "Base under the interface; the ring goes through the bore. Turn until the holes meet the nuts and "
                 "the slot of the cables is under the dome's mark 0.",
                 "{screws:base_to_interface}, from below, crosswise, until the heads bear.",

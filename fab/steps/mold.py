@@ -25,6 +25,10 @@ UPPER = ("hanger", *COLLAR, "interface", *CORE)
 HAND_MM = 0.2  # E: room between a bump and the gyroid for lowering by hand
 TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 AGENT = "Release agent on every PLA face that will touch silicone, seams too; let it dry as its label says."
+NUMBERS = (
+    "Keys look alike, and so do wedges, but their bumps differ. Hole up and round side away from you, number 1 has its "
+    "hole on the left, 2 in the middle, 3 on the right."
+)  # as cad.mold_layout drills them (core_screws_mm)
 
 
 def core_passes_gyroid(layout: MoldLayout) -> bool:
@@ -106,6 +110,7 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
                 f"{AGENT} Neck first, straight down through the gyroid ring onto the hanger.",
                 "First the centre, its tabs toward the hanger's pins; then the three wedges against its short sides; "
                 "then the three keys, between the wedges and over the tabs.",
+                f"{NUMBERS} Each belongs where its hole meets that of the hanger.",
                 "{screws:hanger_to_core} from below, each piece before the next; they cut their own thread, too.",
             ),
             one_by_one((*CENTRE, *WEDGES, *KEYS), out, (*held, "interface"), True),
@@ -127,6 +132,8 @@ def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
                 "bore, as they will come out, last piece first.",
                 f"Interface, bore up, on a soft ring {_soft_ring(layout.params)}: the gyroid lies on it, the core "
                 "hangs through. Wedges in and outward, keys in between, the centre straight down.",
+                f"{NUMBERS} Clockwise lie key 1, wedge 1, key 2, wedge 2, key 3, wedge 3; the centre's two holes are "
+                "in line with the middle of key 1.",
             ),
             one_by_one(tuple(reversed(CORE)), dict(ways), ("interface",), True),
             look="dome down",
@@ -139,7 +146,8 @@ def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             "Bring hanger and collar onto it",
             (
                 "Leave the interface on its ring. Turn the hanger with its collar over and lower it straight onto "
-                "interface and core, keys at the azimuths of the hanger's pins.",
+                "interface and core, keys at the azimuths of the hanger's pins. Turned so that one screw of a piece "
+                "finds its hole, all must: else a piece has another one's place.",
                 "{screws:hanger_to_core} into the core and {screws:hanger_to_interface} into the interface's nuts, "
                 "hand-tight: TPU gives way.",
             ),

@@ -53,6 +53,15 @@ def flange_mm3(params: EndcapParams) -> float:
 
 
 @pytest.mark.parametrize(("diameter", "wall"), SIZES)
+def test_the_room_at_the_flanges_edge_is_what_clearance_and_vents_leave(diameter: float, wall: float) -> None:
+    params = EndcapParams(diameter, wall)
+    ends = (-params.centre_height_mm, params.flange_thickness_mm - params.centre_height_mm)
+    clearance = slab_mm3(params.outer_radius_mm, *ends) - slab_mm3(params.outer_radius_mm - 0.2, *ends)
+    room = clearance + 10 * vent_mm3(params)
+    assert 0.95 * room < interface.edge_room_mm3(params) <= room
+
+
+@pytest.mark.parametrize(("diameter", "wall"), SIZES)
 def test_flange_has_the_closed_form_volume(diameter: float, wall: float) -> None:
     params = EndcapParams(diameter, wall)
     flange = interface.build_flange(params)

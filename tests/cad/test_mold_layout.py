@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.interface import vent_reach_mm, zone_radii_mm
 from cad.materials import silicone, silicones
-from cad.mold_layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm
+from cad.mold_layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm, rotated
 from cad.params import EndcapParams
 
 DIAMETERS = np.linspace(diameter_range_mm()[0] + 1e-6, 250.0, 40)
@@ -145,8 +146,27 @@ def test_screws_of_the_core_keep_off_the_cavity_at_every_size():
             "wedge": layout.centre_short_inradius_mm,
         }
         for kind, start in inner.items():
-            axis = math.hypot(*layout.core_screws_mm[f"core_{kind}_1"][0])
-            assert start + 1.3 + 2 <= axis <= cavity - 1.3 - 2 + 1e-9
+            for along, across in screws_in_their_pieces_mm(layout, kind):
+                axis = math.hypot(along, across)
+                assert start + 1.3 + 2 <= along and axis <= cavity - 1.3 - 2 + 1e-9
+                half = layout.key_half_width_mm
+                side = half - abs(across) if kind == "key" else (math.sqrt(3) * along - abs(across)) / 2 - half
+                assert side >= 1.3 + 2
+
+
+def screws_in_their_pieces_mm(layout: MoldLayout, kind: str) -> list[tuple[float, float]]:
+    """Screw of each key or wedge: (from the axis along the piece's middle, beside the middle)."""
+    middles = [azimuth + 60.0 * (kind == "wedge") for azimuth in layout.key_azimuths_deg]
+    holes = [layout.core_screws_mm[f"core_{kind}_{k}"][0] for k in (1, 2, 3)]
+    return [rotated(hole, -middle) for hole, middle in zip(holes, middles, strict=True)]
+
+
+def test_no_key_or_wedge_can_be_screwed_into_another_ones_place():
+    """Their bumps differ, at D=130 T=8 by up to 6 mm, and they looked alike down to their holes."""
+    for params in REGION:
+        for kind in ("key", "wedge"):
+            screws = screws_in_their_pieces_mm(MoldLayout(params), kind)
+            assert all(math.dist(a, b) > 4.5 for a, b in itertools.combinations(screws, 2))  # a screw's 3 mm and half
 
 
 @pytest.mark.parametrize("size", [(99.0, 7.0), (180.0, 18.0)])

@@ -15,12 +15,12 @@ from cad.hanger import hanger_part
 from cad.interface import build_flange, build_zone
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout
+from cad.mold_layout import MoldLayout, rotated
 from cad.params import EndcapParams
 from fab.build_sheet.steps import BLANK
 from fab.checks.extraction import Leg, core_path
 from fab.meshing.mesh import joined, tessellate, to_manifold
-from fab.recipe import overflow_of, recipe
+from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.steps.cast import cast_steps
 from fab.steps.endcap import all_steps
 from fab.steps.mold import UPPER, core_passes_gyroid, mold_steps
@@ -90,6 +90,48 @@ def test_the_upper_half_is_turned_over_once_and_drawn_as_it_is_held(size):
         (move,) = unit.moves
         assert move.parts == ("hanger", *COLLAR) and move.way_out[0].direction == (0.0, 0.0, -1.0)
         assert unit.look.startswith("dome down")
+
+
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_numbers_of_keys_and_wedges_are_where_the_sheet_sees_their_holes(size):
+    """Seen from the hanger, along z, with the piece's outside up: a hole at a larger azimuth is on the right."""
+    layout = MoldLayout(EndcapParams(*size))
+    words = str(mold_steps(layout, ways(layout)))
+    sides = re.search(r"number 1 has its hole on the (\w+), 2 in the (\w+), 3 on the (\w+)", words)
+    assert sides
+    for first, kind in ((0.0, "key"), (60.0, "wedge")):
+        for k, side in enumerate(sides.groups()):
+            x, y = rotated(layout.core_screws_mm[f"core_{kind}_{k + 1}"][0], -first - 120.0 * k)
+            assert x > 0 and side == ("middle" if abs(y) < 1e-9 else "right" if y > 0 else "left")
+    clockwise = re.search(r"Clockwise lie key 1, wedge 1, key 2", words)
+    assert bool(clockwise) != core_passes_gyroid(layout)
+
+
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_upper_half_is_lowered_with_its_seams_between_those_of_the_bowl(size):
+    """Six bolts fit every 60 degrees; with seam on seam each ties a segment of the collar to the one under it alone."""
+    layout = MoldLayout(EndcapParams(*size))
+    close = next(step for step in cast_steps(layout, ways(layout)) if step.key == "close")
+    assert "midway between the bowl's" in " ".join(close.lines)
+    assert [seam - 60.0 for seam in layout.collar_seams_deg] == list(layout.bowl_seams_deg)
+
+
+def test_the_lens_is_bare_only_after_the_last_glue():
+    """Vapour of cyanoacrylate blooms on a lens; the cover came off a step before spacer and ring were glued."""
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    words = [" ".join(step.lines) for step in all_steps(layout, ways(layout))]
+    (bare,) = (k for k, step in enumerate(words) if "ens cover off" in step)
+    assert bare > max(k for k, step in enumerate(words) if "glue at" in step or "drop of glue" in step)
+
+
+def test_silicone_in_the_cores_joints_is_made_up_from_the_cup_and_trimmed():
+    """The joints of the core hold 1.7 ml at D=104.6, 10 at D=173.7, as measured; half the wells hold 0.8."""
+    layout = MoldLayout(EndcapParams(130.0, 8.0))
+    words = {step.key: " ".join(step.lines) for step in cast_steps(layout, ways(layout))}
+    assert len(re.findall(r"fill it (?:with the stick )?from (?:what is left in )?the cup", words["closed"])) == 2
+    assert "fins" in words["wedges_out"]
+    mix = recipe(closed_cast_mm3(layout.params), overflow_of(layout))
+    assert mix.part_a_g + mix.part_b_g - mix.poured_g > 0.05 * mix.expected_g  # is left, part of it on cup and stick
 
 
 def test_a_soft_ring_is_at_hand_where_a_step_names_it_and_the_core_hangs_through_it():

@@ -6,7 +6,9 @@ import re
 
 import pytest
 
+from cad.bought import bought_mm
 from cad.mold_core import REMOVAL_ORDER
+from cad.mold_cup import SPOT_RADIUS_MM
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import supplies
@@ -35,6 +37,7 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"measure on the free": "multimeter",
     r"flat pliers": "pliers",
     r"rubber band": "rubber band",
+    r"socket from below": "socket",
     r"[Aa]lcohol": "isopropyl alcohol",
     r"drop of glue": "glue",
 }
@@ -53,6 +56,16 @@ def test_every_tool_that_a_step_asks_for_is_listed():
             assert re.search(asked, words), asked
         assert item in items(), item
     assert items()["hole punch"][0].startswith("round, 3.6 mm")
+
+
+@pytest.mark.parametrize("size", [(98.86, 6.5), (250.0, 25.0)])
+def test_the_socket_goes_round_the_nuts_of_the_bowl(size):
+    """Their recesses are round and 11 mm wide; a spanner of 7 mm is 15 mm wide, and a ring one 11.5 mm."""
+    outside_mm, high_mm = map(float, re.findall(r"([\d.]+) mm", items()["socket"][0])[1:])
+    layout = MoldLayout(EndcapParams(*size))
+    assert outside_mm < 2 * SPOT_RADIUS_MM
+    seat_mm = layout.dam_top_mm + layout.bolt_flange_mm
+    assert high_mm < layout.stand_height_mm - seat_mm - bought_mm("washer_m4", "thickness")
 
 
 def test_the_spirit_level_reaches_across_the_dam():

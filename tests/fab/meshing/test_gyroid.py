@@ -290,6 +290,16 @@ def test_pull_through_is_measured_not_echoed(monkeypatch: pytest.MonkeyPatch) ->
     assert value == pytest.approx(2.05, abs=1e-4)
 
 
+def test_tpu_above_the_flange_is_no_roof_of_a_pocket(right_pockets: dict[str, Check]) -> None:
+    """Over a screw the gyroid stands or does not: it is not counted."""
+    middle = (0, 0, PARAMS.flange_thickness_mm + 3.95)
+    ring = trimesh.creation.annulus(PARAMS.bore_radius_mm, PARAMS.bore_radius_mm + 30, 8).apply_translation(middle)
+    covered = to_manifold(tessellate(build_flange(PARAMS))) + to_manifold(ring)
+    found = by_name(nut_checks(PARAMS, from_manifold(covered)))
+    for name in ("nut.roof_mm", "nut.pull_through_mm"):
+        assert found[name].value == pytest.approx(right_pockets[name].value, abs=1e-3)
+
+
 def test_crossing_boxes_intersect_themselves(tmp_path: Path) -> None:
     box = trimesh.creation.box((1, 1, 1))
     other = box.copy().apply_translation((0.4, 0.3, 0.2))

@@ -105,7 +105,15 @@ def test_an_error_of_our_own_keeps_its_traceback(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "past"), [(["live"], True), (["-q", "setup"], True), (["molds"], False), ([], False)]
+    ("words", "past"),
+    [
+        (["live"], True),
+        (["-q", "setup"], True),
+        (["doctor", "0"], True),
+        (["cameras", "save"], True),
+        (["molds"], False),
+        ([], False),
+    ],
 )
 def test_a_command_with_cameras_leaves_past_the_end_of_the_interpreter(words, past, monkeypatch):
     def leave(status):

@@ -7,6 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 OCP := $(shell sed -n 's/^\(cadquery-ocp==.*\)/\1/p' lock.txt)
 TORCH := $(shell sed -n 's/^\(torch==.*\)/\1/p' lock.txt)
 .DEFAULT_GOAL := help
+.NOTPARALLEL: # under -j too: `make molds sheet` in the order in which they are typed; programs take the cores themselves
 .DELETE_ON_ERROR: # an environment without pip, above all: the next run makes it anew
 FAB := molds molds-help slice sheet ring coupons design
 GOALS := help setup $(FAB) endcap robot-model study data train evaluate live test test-long quick check docs bench clean clean-all

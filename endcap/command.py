@@ -118,7 +118,7 @@ GROUPS: tuple[tuple[str, tuple[Subcommand, ...]], ...] = (
         ),
     ),
 )
-READ_CAMERAS = {"setup", "zero", "weigh", "dwell", "live", "robot", "record"}
+READ_CAMERAS = {"cameras", "doctor", "setup", "zero", "weigh", "dwell", "live", "robot", "record"}
 SUBCOMMANDS = {command.name: command for _, commands in GROUPS for command in commands}
 
 

@@ -1,7 +1,7 @@
-"""`make clean`: remove from exports/ what one command makes again, and name what stays (standard library only).
+"""Remove from exports/ what one command makes again, and name what stays: make clean, make clean-all SURE=yes.
 
-A file goes when the record of its folder (``manifest.json``, ``slice.json`` and the like) lists it with the SHA-256
-that it still has. Recordings, data sets, weights, notes, G-code and changed files are on no such list, so they stay.
+A file goes when the record of its folder (manifest.json, slice.json and the like) lists it with the SHA-256 that it
+still has. Recordings, data sets, weights, notes, G-code and changed files are on no such list, so they stay.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LINES = 12  # of what stays
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="make clean", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m fab.clean", description=__doc__)
     parser.add_argument("--all", action="store_true", help="the rest of exports/ too: recordings, data, weights, yours")
     parser.add_argument("--sure", action="store_true", help="really")
     parser.add_argument("--exports", type=Path, default=Path(EXPORTS), help=argparse.SUPPRESS)

@@ -1,13 +1,13 @@
-"""Pairs camera frames with a force/torque sensor into labelled frames that ``sensing.train`` reads.
+"""Pairs camera frames with a force/torque sensor into labelled frames that sensing.train reads.
 
     python -m sensing.record --source 0 --netft 192.168.1.1 --mount mount.json --out exports/endcap3
     python -m sensing.record --source run.avi --ft-csv run.csv --mount mount.json --out exports/endcap3
     python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors
 
-Begin untouched: the first frames (``--rest``) give the reference picture and the sensor's tare. Then press; every time
-the force goes back to rest a new loading path begins, and paths are what training and test never share. ``mount.json``
-holds ``T_endcap_ft`` (4 x 4, mm) and ``reads`` (1: the sensor carries the endcap; -1: the endcap presses on the
-sensor), see :mod:`sensing.frames`. Running again with the same folder goes on. Times are seconds of one clock.
+Begin untouched: the first frames (--rest) give the reference picture and the sensor's tare. Then press; every time
+the force goes back to rest a new loading path begins, and paths are what training and test never share. mount.json
+holds T_endcap_ft (4 x 4, mm) and reads (1: the sensor carries the endcap; -1: the endcap presses on the
+sensor), see sensing/frames.py. Running again with the same folder goes on. Times are seconds of one clock.
 
 A CSV file has a line of names and one sample a line: time_s (s, on the clock of the frames; that of a video or a folder
 begins at 0), fx_n, fy_n, fz_n (N), tx_nm, ty_nm, tz_nm (N m), in the sensor's own axes. Forces over 2000 N and torques

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -22,6 +24,7 @@ INTERNAL = {  # of the checkout, started by other commands, or by who maintains 
     "sensing.simulator.similarity.solve",
     "sensing.simulator.solid.own_weight_table",
 }
+WHOLE_DOCSTRING = re.compile(r"description=__doc__[,)]")
 
 
 @pytest.mark.parametrize("name", SUBCOMMANDS)
@@ -43,6 +46,13 @@ def test_every_module_that_is_a_command_is_in_the_table():
     }
     listed = {called(entry.module) for entry in SUBCOMMANDS.values()}
     assert {called(module) for module in commands} - INTERNAL - {"endcap"} == listed
+
+
+def test_help_that_is_a_docstring_has_no_markup():
+    paths = [path for package in ("endcap", "fab", "sensing") for path in (ROOT / package).rglob("*.py")]
+    texts = {path: path.read_text(encoding="utf-8") for path in paths}
+    shown = {name: ast.get_docstring(ast.parse(text)) for name, text in texts.items() if WHOLE_DOCSTRING.search(text)}
+    assert len(shown) >= 3 and [name for name, text in shown.items() if re.search("``|:[a-z]+:`", text)] == []
 
 
 def test_the_rest_of_the_line_goes_to_the_module(monkeypatch, capsys):
@@ -95,7 +105,15 @@ def test_an_error_of_our_own_keeps_its_traceback(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "past"), [(["live"], True), (["-q", "setup"], True), (["molds"], False), ([], False)]
+    ("words", "past"),
+    [
+        (["live"], True),
+        (["-q", "setup"], True),
+        (["doctor", "0"], True),
+        (["cameras", "save"], True),
+        (["molds"], False),
+        ([], False),
+    ],
 )
 def test_a_command_with_cameras_leaves_past_the_end_of_the_interpreter(words, past, monkeypatch):
     def leave(status):

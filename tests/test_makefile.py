@@ -87,6 +87,19 @@ def test_no_shell_reads_the_values(workshop):
     assert r"D=130;touch\ stray" in done.stdout
 
 
+def test_targets_run_in_the_order_in_which_they_are_typed_also_under_j(workshop):
+    """A build sheet reads what the molds wrote."""
+    python = workshop / ".venv" / "bin" / "python"
+    python.write_text('#!/bin/sh\necho "begin $2"\nsleep 0.3\necho "end $2"\n')
+    done = make("-j4", "molds", "sheet", "D=142", "T=7.5", folder=workshop)
+    assert done.stdout.split("\n")[:4] == [
+        "begin fab.molds",
+        "end fab.molds",
+        "begin fab.build_sheet",
+        "end fab.build_sheet",
+    ]
+
+
 @pytest.mark.parametrize("target", ["molds", "slice", "sheet", "endcap"])
 def test_the_printer_is_taken_by_every_target_that_prints(workshop, target):
     (workshop / "scripts" / "slicer.sh").write_text("")

@@ -49,7 +49,8 @@ STATUS_WORDS = {  # bits of the system status code
     30: "CPU or RAM", 29: "digital board", 28: "analog board", 27: "serial link", 26: "program memory",
     25: "configuration", 24: "settings", 23: "settings do not fit the calibration", 22: "network", 17: "saturated",
 }  # fmt: skip
-SO_TIMESTAMPNS = 35  # Linux: the kernel says when a packet came, however late it is read
+SO_TIMESTAMPING, RX_SOFTWARE = 37, 0b11000  # Linux: the kernel says when a packet came, however late it is read
+STAMPS_FROM_S = 0.05  # E: after which it does; the first reply gives the delay, so it must have a stamp
 
 
 class StreamError(EndcapError):
@@ -99,6 +100,7 @@ class NetFt:
         self._socket: socket.socket | None = None
         self._asked_s, self._heard_s, self._good_s = 0.0, 0.0, 0.0
         self._first: tuple[int, int] | None = None
+        self._kernel_stamps = False
         self.faulty = 0
         self.errors: Counter[str] = Counter()
 
@@ -109,7 +111,9 @@ class NetFt:
             self._socket.setblocking(False)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
             with contextlib.suppress(OSError):  # elsewhere than on Linux, a packet counts as come when it is read
-                self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+                self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, RX_SOFTWARE)
+                self._kernel_stamps = self._clock is time.monotonic
+                time.sleep(STAMPS_FROM_S)
             self._asked_s = self._clock()
             self._socket.send(REQUEST.pack(MAGIC, STREAM, 0))
         except (OSError, UnicodeError) as error:  # UnicodeError: a name that no host can have
@@ -169,21 +173,27 @@ class NetFt:
             )
 
     def _receive(self) -> tuple[bytes, float] | None:
-        """(packet, when it came); None if none is there."""
+        """(packet, when it came); None if none is there.
+
+        The kernel begins to stamp a moment after it was asked to. When a packet without a stamp came is not known, so
+        it is left out: read late it would count as long on its way, and all samples with it.
+        """
         assert self._socket is not None
-        try:
-            data, extra, _, _ = self._socket.recvmsg(4096, 64)
-        except BlockingIOError:
-            return None
-        except OSError as error:
-            raise StreamError(f"{self.name}: {error.strerror or error}: is the unit on?") from None
-        now = self._clock()
-        for level, kind, content in extra:
-            if self._clock is time.monotonic and (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS):
-                seconds, nanoseconds = struct.unpack("qq", content[:16])
-                waited = time.time() - seconds - nanoseconds * 1e-9
-                return data, now - (waited if 0 <= waited < self._timeout_s else 0.0)
-        return data, now
+        while True:
+            try:
+                data, extra, _, _ = self._socket.recvmsg(4096, 128)
+            except BlockingIOError:
+                return None
+            except OSError as error:
+                raise StreamError(f"{self.name}: {error.strerror or error}: is the unit on?") from None
+            now = self._clock()
+            if not self._kernel_stamps:
+                return data, now
+            for level, kind, content in extra:
+                if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPING):
+                    seconds, nanoseconds = struct.unpack_from("qq", content)
+                    waited = time.time() - seconds - nanoseconds * 1e-9
+                    return data, now - (waited if 0 <= waited < self._timeout_s else 0.0)
 
     def _complain(self, status: int) -> None:
         self.faulty += 1

@@ -61,4 +61,6 @@ def _recorded(path: Path) -> Iterator[tuple[str, EndcapParams, Iterator[Frame]]]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from sensing.live.ending import leave
+
+    leave(main())

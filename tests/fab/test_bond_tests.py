@@ -152,6 +152,15 @@ def test_a_specimen_that_tears_early_is_marked(tmp_path):
     assert initial_peak(np.array([0, 1.0, 0.5, 10, 20, 30, 20])) == 5  # a slip of the grips is no peak
 
 
+def test_a_bond_far_weaker_than_its_first_peak_is_peeled_to_the_end(tmp_path):
+    """A specimen has come apart when it holds little of its plateau, not of the peak."""
+    x, y = peel(mean=20.0, peak=80.0)
+    weak = np.where((x > 150) & (y > 1), 0.3 * y, y)  # 6 N: a third of the plateau, under a tenth of the peak
+    specimen = evaluate(Record(tmp_path / "a.csv", x, weak, None, ""), "peel", "mechanical")
+    exact = ((80 + 20) / 2 * 4 + 20 * 126 + 6 * 124) / 254
+    assert specimen.complete and specimen.force_n == pytest.approx(exact, rel=5e-3)
+
+
 def specimens(kind, group, forces):
     return [Specimen(f"{k}.csv", kind, group, f, f, "", 0.0, True) for k, f in enumerate(forces)]
 

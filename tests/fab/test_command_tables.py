@@ -14,12 +14,13 @@ from fab.slice.settings import LINE_MM
 
 @pytest.fixture
 def no_constants(tmp_path, monkeypatch):
-    """A silicone that has no hyperelastic constants."""
+    """A silicone that has no hyperelastic constants, in the last line of the table; the number of that line."""
     table = tmp_path / "materials.csv"
-    table.write_text(materials.TABLE.read_text() + "My Rubber,1.1,1A:1B,30,20,8,20A,0.4,400,0.49,,,,,,,mine\n")
+    rows = materials.TABLE.read_text(encoding="utf-8") + "My Rubber,1.1,1A:1B,30,20,8,20A,0.4,400,0.49,,,,,,,mine\n"
+    table.write_text(rows, encoding="utf-8")
     monkeypatch.setattr(materials, "TABLE", table)
     materials.silicones.cache_clear()
-    yield
+    yield rows.count("\n")
     monkeypatch.undo()
     materials.silicones.cache_clear()
 
@@ -37,7 +38,7 @@ def test_a_silicone_without_constants_is_one_line(no_constants, module, word, ca
         return
     errors = capsys.readouterr().err.strip().splitlines()
     assert status == 2 and len(errors) == 1
-    assert "line 9 (My Rubber): neo_hooke_c10_mpa='' is not a positive number" in errors[0]
+    assert f"line {no_constants} (My Rubber): neo_hooke_c10_mpa='' is not a positive number" in errors[0]
 
 
 def test_a_printer_that_cannot_be_read_is_one_line(tmp_path, monkeypatch, capsys):

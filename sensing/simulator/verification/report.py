@@ -1,6 +1,6 @@
-"""The verification report: ``python -m sensing.simulator.verification`` writes docs/verification.md and its plots.
+"""The verification report: python -m sensing.simulator.verification writes docs/verification.md and its plots.
 
-Every number in the report is computed by the run that writes its section; ``--only`` renews chosen sections.
+Every number in the report is computed by the run that writes its section; --only renews chosen sections.
 """
 
 from __future__ import annotations

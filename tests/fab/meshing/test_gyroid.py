@@ -10,11 +10,10 @@ import manifold3d
 import numpy as np
 import pytest
 import trimesh
-from long_cases import others_long
 from skimage.measure import marching_cubes
 
 from cad import interface
-from cad.interface import build_flange, zone_radii_mm, zone_volume_mm3
+from cad.interface import zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.checks import gyroid as gyroid_checks
 from fab.checks.check import Check
@@ -22,7 +21,7 @@ from fab.checks.nuts import nut_checks
 from fab.meshing import cast_space, gyroid
 from fab.meshing.gyroid import InterfaceMesh, gyroid_distance_mm, interface_mesh, volume_above
 from fab.meshing.gyroid_sheet import sheet_mesh
-from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, write_stl
+from fab.meshing.mesh import from_manifold, read_stl, to_manifold, write_stl
 from fab.meshing.self_intersections import self_intersections
 from fab.meshing.zone_grid import zone_grid
 
@@ -237,57 +236,6 @@ def test_a_double_wall_and_a_scaled_part_are_seen() -> None:
     moved = fat.copy()
     moved.apply_translation((0.3, 0, 0))
     assert gyroid_checks.outside_zone_mm(PARAMS, moved) > 0.2
-
-
-def flange_checks(monkeypatch: pytest.MonkeyPatch, **sizes: float) -> dict[str, Check]:
-    for name, value in sizes.items():
-        monkeypatch.setattr(interface, name, value)
-    return checks_of_nuts()
-
-
-def checks_of_nuts() -> dict[str, Check]:
-    return by_name(nut_checks(PARAMS, tessellate(build_flange(PARAMS))))
-
-
-@pytest.fixture(scope="module")
-def right_pockets() -> dict[str, Check]:
-    return checks_of_nuts()
-
-
-@pytest.mark.parametrize(
-    ("fault", "check"),
-    others_long(
-        [
-            ({"POCKET_WIDTH_MM": 7.9}, "nut.turn_deg"),
-            ({"POCKET_WIDTH_MM": 5.1}, "nut.squeeze_mm"),
-            ({"POCKET_FLOOR_MM": 1.4}, "nut.pull_through_mm"),
-            ({"SCREW_HOLE_TOP_MM": 6.5}, "nut.roof_mm"),
-            ({"POCKET_END_GAP_MM": -0.6}, "nut.seat_play_mm"),
-            ({"POCKET_HEIGHT_MM": 1.6}, "nut.squeeze_mm"),
-            ({"RIB_HEIGHT_MM": 0.9}, "nut.squeeze_mm"),
-            ({"NUT_PLAY_MM": 1.2}, "nut.seat_play_mm"),
-        ],
-        5,
-        unpack=True,
-    ),
-)
-def test_a_wrong_pocket_is_seen(
-    monkeypatch: pytest.MonkeyPatch, right_pockets: dict[str, Check], fault: dict[str, float], check: str
-) -> None:
-    assert right_pockets[check].ok
-    assert not flange_checks(monkeypatch, **fault)[check].ok
-
-
-def test_a_turned_flange_is_seen() -> None:
-    flange = tessellate(build_flange(PARAMS))
-    flange.apply_transform(trimesh.transformations.rotation_matrix(math.radians(4), (0, 0, 1)))
-    checks = nut_checks(PARAMS, flange)
-    assert [check.name for check in checks if not check.ok]
-
-
-def test_pull_through_is_measured_not_echoed(monkeypatch: pytest.MonkeyPatch) -> None:
-    value = flange_checks(monkeypatch, POCKET_FLOOR_MM=2.05)["nut.pull_through_mm"].value
-    assert value == pytest.approx(2.05, abs=1e-4)
 
 
 def test_crossing_boxes_intersect_themselves(tmp_path: Path) -> None:

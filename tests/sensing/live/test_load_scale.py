@@ -20,6 +20,7 @@ from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.wrench.load_scale import load_scale
 from sensing.wrench.model import WrenchModel, load_wrench_model
+from sensing.wrench.stiffness import weights_digest
 
 DESIGN, SOFT = EndcapParams(130.0, 8.0), "Ecoflex 00-30"
 SCALE = silicone(SOFT).neo_hooke().shear_mpa / silicone().neo_hooke().shear_mpa
@@ -43,8 +44,8 @@ def soft(hard) -> WrenchModel:
     return replace(cast, weights=weights, range=covered)
 
 
-def readings(model: WrenchModel, cast_of: str, press: list[bytes]) -> list:
-    config = EndcapConfig("endcap_0", "test", silicone=cast_of, own_weight=KEPT)
+def readings(model: WrenchModel, cast_of: str, press: list[bytes], **options: object) -> list:
+    config = EndcapConfig("endcap_0", "test", silicone=cast_of, own_weight=KEPT, **options)
     pipe = EndcapPipeline(config, live_model("default", model, model.shape), zero_frames=1)
     return [pipe.update(frame) for frame in frames(press)]
 
@@ -62,6 +63,18 @@ def test_a_soft_dome_reads_as_a_hard_one_in_smaller_newtons(hard, soft):
         assert (other.contact.touching, other.wrench.flags) == (one.contact.touching, one.wrench.flags)
         assert np.allclose(other.place.position_mm, one.place.position_mm, atol=0.01, equal_nan=True)
     assert any(reading.contact.touching and reading.place.known for reading in readings(soft, SOFT, press))
+
+
+def test_a_dome_that_was_weighed_as_soft_reads_as_a_hard_one_in_smaller_newtons(hard):
+    """The same pictures: the forces go with the gain, and where it is touched stays."""
+    press = film([0] * 4 + [0.03, 0.1, 0.25, 0.4, 0.4, 0.4, 0.2, 0.05] + [0] * 3)
+    gain, plain = 0.06, readings(hard, "Smooth-Sil 950", press)
+    weighed = readings(hard, "Smooth-Sil 950", press, gain=gain, gain_weights=weights_digest(hard))
+    for one, other in zip(plain, weighed, strict=True):
+        assert np.allclose(other.wrench.force_n, gain * one.wrench.force_n, rtol=1e-3, atol=1e-5)
+        assert (other.contact.touching, other.wrench.flags) == (one.contact.touching, one.wrench.flags)
+        assert np.allclose(other.place.position_mm, one.place.position_mm, atol=0.01, equal_nan=True)
+    assert any(reading.place.known for reading in weighed)
 
 
 def test_a_gain_scales_the_force_at_which_contact_begins(hard):

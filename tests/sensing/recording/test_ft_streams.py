@@ -111,6 +111,55 @@ def first_samples(unit, count=20, **options):
     return stream, samples
 
 
+class StampLess:
+    """A socket whose ``recvmsg`` is another function of the real one."""
+
+    def __init__(self, real, recvmsg):
+        self.real, self._recvmsg = real, recvmsg
+
+    def __getattr__(self, name):
+        return getattr(self.real, name)
+
+    def recvmsg(self, *sizes):
+        return self._recvmsg(self.real, *sizes)
+
+
+def test_packets_that_are_read_late_are_stamped_when_they_came():
+    """The kernel says when: a slow frame must not shift the labels."""
+    unit = Unit(count=60)
+    unit.start()
+    with NetFt("127.0.0.1", unit.port, delay_s=0.0, timeout_s=PATIENCE_S) as stream:
+        end_s = time.monotonic() + PATIENCE_S
+        while unit.sent < 59 and time.monotonic() < end_s:
+            time.sleep(0.01)
+        sent_s = time.monotonic()
+        time.sleep(0.5)
+        samples = list(stream.arrived())
+    assert len(samples) == 60 and max(sample.time_s for sample in samples) < sent_s + 0.1
+
+
+def test_a_first_packet_without_a_stamp_does_not_count_as_long_on_its_way(monkeypatch):
+    """The kernel begins to stamp a moment after it was asked to; packets of that moment are read without."""
+    received, real = [], socket.socket.recvmsg
+
+    def without_first_stamps(self, *sizes):
+        data, extra, *rest = real(self, *sizes)
+        received.append(data)
+        return data, [] if len(received) < 4 else extra, *rest
+
+    unit = Unit(count=60)
+    unit.start()
+    with NetFt("127.0.0.1", unit.port, timeout_s=PATIENCE_S) as stream:
+        monkeypatch.setattr(stream, "_socket", StampLess(stream._socket, without_first_stamps))
+        end_s = time.monotonic() + PATIENCE_S
+        while unit.sent < 59 and time.monotonic() < end_s:
+            time.sleep(0.01)
+        time.sleep(1.0)
+        samples = list(stream.arrived())
+    assert len(samples) == 58 and samples[0].wrench[0] == pytest.approx(0.2)  # of 60 and one of another size
+    assert stream._times.delay_s < 0.2 and (np.diff([s.time_s for s in samples]) > -0.05).all()
+
+
 def test_half_the_answer_time_is_taken_for_the_delay_unless_it_is_known():
     begin_s = time.monotonic()
     stream, _ = first_samples(Unit(count=30, delay_s=0.082))

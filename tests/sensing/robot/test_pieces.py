@@ -65,8 +65,12 @@ def test_what_begins_anew_heads_as_what_was_held():
     held.turn[:] = rotation_of(np.array([0.0, 0.0, 1.4])) @ tilt
     new.turn[:] = rotation_of(np.array([0.0, 0.0, -0.5])) @ tilt
     held.place[:] = [1.0, 2.0, 0.3]
+    turn = LAYOUT.turn(leader)
+    held.covariance[turn, turn] = np.diag([0.01, 0.02, 0.3]) ** 2  # of the heading alone the new one knows nothing
+    before = new.covariance[turn, turn].copy()
     follow_on(new, held, LAYOUT)
     assert new.turn[leader] == pytest.approx(held.turn[leader]) and new.place[leader, :2] == pytest.approx([1.0, 2.0])
+    assert new.covariance[turn, turn] - before == pytest.approx(np.diag([0.0, 0.0, 0.3**2]))
 
 
 @pytest.mark.parametrize("slips", [0.1, 0.5, 0.95])

@@ -79,6 +79,34 @@ def test_covariances_are_those_of_many_draws():
     assert found.friction_use_sd == pytest.approx(spread, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("diameter_mm", "wall_mm", "x_mm", "y_mm", "depth_ratio"),
+    [
+        (130, 8, 0.35, 0.07, 0.18 / 3.97),
+        (180, 15, 0.60, 0.35, 0.48 / 5.80),
+        (250, 6.5, 0.82, 0.12, 0.82 / 5.17),
+        (250, 25, 1.01, 0.92, 0.98 / 8.38),
+    ],
+)
+def test_the_covariance_holds_what_the_law_leaves_of_other_shells(diameter_mm, wall_mm, x_mm, y_mm, depth_ratio):
+    """Rms of ``python bench/bench_contact.py shells``, as docs/contact.md has them."""
+    params, radius_mm = EndcapParams(diameter_mm, wall_mm), diameter_mm / 2
+    push = composed(30, 0, 15, 0, 0)[0]
+    scale = (wall_mm / 8) ** 2
+    exact = Wrench(0.0, scale * push.force_n, scale * radius_mm / 65 * push.torque_nm, "sphere", np.zeros((6, 6)))
+    found = PlaneContactLaw(params, SHEAR_MPA).of(exact)
+    place = found.position_mm - [0.0, 0.0, params.centre_height_mm]
+    height_mm = float(found.normal @ place)
+    away = np.array([found.normal[2], 0.0, -found.normal[0]])
+    held_mm = {
+        axis: height_mm * np.sqrt(along @ found.normal_covariance @ along)
+        for axis, along in (("x", away), ("y", np.array([0.0, 1.0, 0.0])))
+    }
+    assert held_mm["x"] > 0.9 * x_mm and held_mm["y"] > 0.9 * y_mm
+    depth_sd_mm = np.sqrt(found.normal @ found.position_covariance @ found.normal)
+    assert depth_sd_mm > 0.9 * depth_ratio * (radius_mm - height_mm)
+
+
 def test_a_pose_turns_z_to_the_normal():
     from scipy.spatial.transform import Rotation
 
@@ -91,6 +119,9 @@ def test_a_pose_turns_z_to_the_normal():
     assert np.allclose(Rotation.from_quat(quaternion).apply([0, 0, 1]), outward, atol=2e-6)
     assert np.trace(covariance[3:, 3:]) == pytest.approx(np.trace(found.normal_covariance) + np.pi**2 / 3, rel=1e-6)
     assert outward @ covariance[3:, 3:] @ outward == pytest.approx(np.pi**2 / 3)
+    moved = np.cross(outward, [0.3, -0.5, 0.2])  # of the normal, by a turn about the axis across both
+    about = np.cross(outward, moved)
+    assert about @ covariance[3:, 3:] @ about == pytest.approx(moved @ found.normal_covariance @ moved, rel=1e-4)
 
 
 def test_no_push_no_place():

@@ -22,10 +22,9 @@ from cad.design_arguments import design_words
 from cad.errors import EndcapError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from cad.options import FROM_MAKE, MAKES_OWN, make_variables, parse_options
+from cad.options import FROM_MAKE, MAKES_OWN, make_variables, named_as_typed, parse_options
 from cad.typed_folder import typed_folder
 from cad.whole_file import replace_file
-from fab.choices import named_as_typed
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
 from fab.variant import Variant, coupons_command, printer_option
 from sensing.interpreter import typed_command

@@ -20,7 +20,9 @@ from cad.options import (
     DESIGN_DEFAULTS,
     FROM_MAKE,
     PATTERN_DEFAULTS,
+    chosen,
     make_variables,
+    named_as_typed,
     parse_design,
     parse_length,
     parse_options,
@@ -28,7 +30,6 @@ from cad.options import (
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides
 from cad.typed_folder import EXPORTS, typed_folder
 from fab.checks.check import ChecksFailedError
-from fab.choices import chosen, named_as_typed
 from fab.exports.whole_folder import ENDING_SIGNALS
 from fab.variant import Variant
 

@@ -6,9 +6,17 @@ import argparse
 
 from cad.design_arguments import number
 from cad.errors import ParameterError
+from cad.materials import silicones
+from cad.options import chosen
 from cad.plain_numbers import brief, stored_number, whole_number
 
-__all__ = ["number", "pair", "scientific", "whole"]  # number: an option of a design is of that type, too
+__all__ = [
+    "number",
+    "pair",
+    "scientific",
+    "silicone_name",
+    "whole",
+]  # number: an option of a design is of that type, too
 
 
 def whole(text: str) -> int:
@@ -31,6 +39,18 @@ def scientific(text: str) -> float:
     """
     try:
         return stored_number(text)
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def silicone_name(text: str) -> str:
+    """A silicone as cad/materials.csv writes its name; upper and lower case count as one.
+
+    Raises:
+        argparse.ArgumentTypeError: no such row.
+    """
+    try:
+        return chosen("silicone", text, silicones(), "cad/materials.csv")
     except ParameterError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

@@ -34,7 +34,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number, whole
+from sensing.arguments import number, silicone_name, whole
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.core.warm_up import warm_up
@@ -230,6 +230,7 @@ def _parser() -> argparse.ArgumentParser:
     add_design_arguments(parser)
     parser.add_argument(
         "--silicone",
+        type=silicone_name,
         default=DEFAULT_SILICONE,
         metavar="NAME",
         help=f"of the endcap, cad/materials.csv ({DEFAULT_SILICONE})",

@@ -27,7 +27,7 @@ from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from cad.whole_file import require_place
-from sensing.arguments import number as decimal
+from sensing.arguments import number, silicone_name
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import live_command, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
@@ -147,11 +147,11 @@ def _name_by_touch(
         return list(endcaps)
     limits = {endcap.name: _touch_n(endcap, rest[endcap.name]) for endcap in endcaps}
     order: list[LiveEndcap] = []
-    for number in range(len(endcaps)):
-        ask(f"press the endcap that is to be endcap_{number} firmly after Enter, and hold it ")
+    for place in range(len(endcaps)):
+        ask(f"press the endcap that is to be endcap_{place} firmly after Enter, and hold it ")
         before = {endcap.name: len(watch.forces_n[endcap.name]) for endcap in endcaps}
-        order.append(_touched([endcap for endcap in endcaps if endcap not in order], watch, before, limits, number))
-        say(f"endcap_{number} is {order[-1].pipeline.endcap.source}; let it go")
+        order.append(_touched([endcap for endcap in endcaps if endcap not in order], watch, before, limits, place))
+        say(f"endcap_{place} is {order[-1].pipeline.endcap.source}; let it go")
     return order
 
 
@@ -236,15 +236,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        numbers = [str(number) for number, _ in list_devices()]
+        numbers = [str(index) for index, _ in list_devices()]
         if options.camera is not None:
             numbers = [word.strip() for word in options.camera.split(",")]
         words = options.url or [lasting_name(int(word)) if is_camera_number(word) else word for word in numbers]
         if not words:
             raise ParameterError("no camera found: plug one in, or give --url", name="camera")
-        for number, name in list_devices():
-            if not options.url and str(number) in numbers:
-                show(f"camera {number}: {name}, {lasting_name(number)}")
+        for index, name in list_devices():
+            if not options.url and str(index) in numbers:
+                show(f"camera {index}: {name}, {lasting_name(index)}")
         set_up(
             LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
         )
@@ -288,10 +288,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     add_design_arguments(parser)
     parser.add_argument(
-        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"it is cast of ({DEFAULT_SILICONE})"
-    )
-    parser.add_argument("--exposure", type=decimal, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
-    parser.add_argument("--weight", type=decimal, default=0.0, metavar="N", help="of the robot, for the force sum")
+        "--silicone", type=silicone_name, default=DEFAULT_SILICONE, metavar="NAME",
+        help=f"it is cast of ({DEFAULT_SILICONE})"
+    )  # fmt: skip
+    parser.add_argument("--exposure", type=number, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
+    parser.add_argument("--weight", type=number, default=0.0, metavar="N", help="of the robot, for the force sum")
     return parser
 
 

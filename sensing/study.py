@@ -16,9 +16,9 @@ from itertools import takewhile
 from pathlib import Path
 
 from cad.errors import EndcapError, ParameterError
-from cad.materials import DEFAULT_SILICONE, silicone
+from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG, show, transient
-from cad.options import PATTERN_DEFAULTS, parse_design, parse_options
+from cad.options import PATTERN_DEFAULTS, chosen, parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.typed_folder import EXPORTS, typed_folder
 from cad.whole_file import make_folder, replace_file
@@ -91,7 +91,7 @@ def _design(options: dict[str, str]) -> int:
     from sensing.design.report import Report
 
     params = parse_design(options)
-    report = Report(Study(params, silicone(options["material"]).name))
+    report = Report(Study(params, chosen("material", options["material"], silicones(), "cad/materials.csv")))
     folder = Path(options["folder"] or Path(options["exports"]) / report.label / "study")
     report = Report(report.study, prints_of(params, folder.parent))
     page = report.write(folder)

@@ -28,7 +28,7 @@ from cad.identity import MUST_AGREE, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show, transient
 from cad.whole_file import make_folder, replace_file, require_place
-from sensing.arguments import number, scientific, whole
+from sensing.arguments import number, scientific, silicone_name, whole
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.radial import radial_tensors
@@ -266,8 +266,9 @@ def _add_design(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--dot-rings", metavar="COUNTS", help=HELP["dot_rings"])
     group.add_argument("--dot-mm", type=number, metavar="MM", help=HELP["dot_mm"])
     group.add_argument(
-        "--silicone", default=DEFAULT_SILICONE, metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})"
-    )
+        "--silicone", type=silicone_name, default=DEFAULT_SILICONE, metavar="NAME",
+        help=f"that it is cast of ({DEFAULT_SILICONE})"
+    )  # fmt: skip
     group.add_argument("--unless-there", action="store_true", help="only where live finds none yet")
     group.add_argument("--copy-to", type=Path, metavar="DIR", help="leave a copy in this folder, too")
 

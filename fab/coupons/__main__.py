@@ -12,9 +12,9 @@ from cad.coupons import CLEARANCES_MM, NUT_WIDTHS_MM, TRAYS, cast_volume_mm3
 from cad.data_table import file_name
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.messages import show
+from cad.options import chosen
 from cad.typed_folder import EXPORTS
 from fab.checks.check import require_passed
-from fab.choices import chosen
 from fab.command import Command
 from fab.exports.whole_folder import whole_folder, write_record
 

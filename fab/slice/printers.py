@@ -16,7 +16,7 @@ import numpy as np
 
 from cad.data_table import positive, read_table
 from cad.errors import ParameterError
-from fab.choices import chosen
+from cad.options import chosen
 from fab.slice.excluded import Rectangle, corners, gap_mm, outline, read_rectangle
 from fab.variant import printer_option
 

@@ -15,7 +15,7 @@ from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number, whole
+from sensing.arguments import number, silicone_name, whole
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights, weights_in_use
@@ -238,7 +238,9 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     model.add_argument("--method", choices=known_methods(), help="another field method than the model's own")
     model.add_argument("--zero", type=Path, metavar="FILE.npz", help="reference written by python -m sensing.zero")
     add_design_arguments(model, with_defaults=False)
-    model.add_argument("--silicone", metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})")
+    model.add_argument(
+        "--silicone", type=silicone_name, metavar="NAME", help=f"that it is cast of ({DEFAULT_SILICONE})"
+    )
     model.add_argument("--rate", type=number, metavar="HZ", help="frames a second of a camera (30)")
     model.add_argument("--exposure", type=number, metavar="V", help="fixed exposure, the driver's unit")
     model.add_argument("--workers", type=whole, metavar="N", help="threads that share the endcaps (1)")

@@ -9,7 +9,7 @@ from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show
-from sensing.arguments import number
+from sensing.arguments import number, silicone_name
 from sensing.simulator.contact.indenter import known_kinds
 from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.levels import Simulator
@@ -85,7 +85,12 @@ def _press_text() -> str:
 def _shell_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--diameter", type=number, default=130, help="diameter D, mm (default 130)")
     parser.add_argument("--wall", type=number, default=8, help="wall T, mm (default 8)")
-    parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
+    parser.add_argument(
+        "--silicone",
+        type=silicone_name,
+        default=DEFAULT_SILICONE,
+        help=f"row of the table (default {DEFAULT_SILICONE})",
+    )
     parser.add_argument("--density", default="data", help=f"mesh: {', '.join(DENSITIES)} (default data)")
 
 

@@ -10,10 +10,10 @@ from cad import materials
 from cad.errors import FileError
 from cad.lens import VARIABLE
 from cad.mold_layout import MoldLayout
+from cad.options import chosen
 from cad.params import EndcapParams
 from fab import packed
 from fab.cache import Cache
-from fab.choices import chosen
 from fab.led_ring.__main__ import folder_name
 from fab.slice.projects import read_export
 from fab.variant import Variant

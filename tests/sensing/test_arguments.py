@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cad.design_arguments import add_design_arguments
-from sensing.arguments import number, pair, scientific, whole
+from sensing.arguments import number, pair, scientific, silicone_name, whole
 
 PACKAGES = ("endcap", "sensing")
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,6 +56,14 @@ def test_a_pair_is_two_whole_numbers(text, capsys):
     parser.add_argument("--n", type=pair)
     assert "write it like 30x30" in refusal(parser, ["--n", text], capsys)
     assert pair("9x6") == pair("9X6") == (9, 6)
+
+
+def test_a_silicone_is_typed_in_any_case_as_for_make_molds(capsys):
+    parser = argparse.ArgumentParser(prog="p")
+    parser.add_argument("--silicone", type=silicone_name)
+    assert parser.parse_args(["--silicone", "dragon SKIN 30"]).silicone == "Dragon Skin 30"
+    said = refusal(parser, ["--silicone", "dragonskin 30"], capsys)
+    assert "did you mean Dragon Skin 30" in said and "cad/materials.csv" in said
 
 
 def test_no_option_is_of_a_type_that_reads_more_than_plain_numbers():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cad.messages import show
 from cad.typed_folder import EXPORTS
-from sensing.arguments import number, scientific, whole
+from sensing.arguments import number, scientific, silicone_name, whole
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import KINDS
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
@@ -53,7 +53,7 @@ def _add_mechanics(parser: argparse.ArgumentParser) -> None:
     _option(parser, "wall_mm", number, "wall T, mm", "--wall")
     _option(parser, "dot_rings", str, "dots of each ring from tip to equator")
     _option(parser, "dot_mm", number, "diameter of a dot, mm")
-    _option(parser, "silicone", str, "row of cad/materials.csv")
+    _option(parser, "silicone", silicone_name, "row of cad/materials.csv")
     _option(
         parser, "interlock", number, "stiffness of the zone with TPU gyroid over the silicone's; Smooth-Sil 950: 1.49"
     )

@@ -25,7 +25,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show, transient
-from sensing.arguments import number, whole
+from sensing.arguments import number, silicone_name, whole
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -237,7 +237,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="file to write, .npz")
     parser.add_argument("--diameter", type=number, default=130, help="diameter D, mm (default 130)")
     parser.add_argument("--wall", type=number, default=8, help="wall T, mm (default 8)")
-    parser.add_argument("--silicone", default=DEFAULT_SILICONE, help=f"row of the table (default {DEFAULT_SILICONE})")
+    parser.add_argument(
+        "--silicone",
+        type=silicone_name,
+        default=DEFAULT_SILICONE,
+        help=f"row of the table (default {DEFAULT_SILICONE})",
+    )
     parser.add_argument("--density", default="data", help="mesh (default data)")
     parser.add_argument("--states", type=whole, default=STATES, help=f"states at each tilt (default {STATES})")
     parser.add_argument("--seed", type=whole, default=0, help="of the paths (default 0)")

@@ -151,6 +151,11 @@ def _lost(state: State, layout: Layout) -> list[str]:
             f"begun without {names}: bars may be turned by more than their covariance says, until it reports and the "
             "robot has stood still for a second"
         )
+    if state.began_unbalanced:
+        notes.append(
+            "begun with forces under which the bars are in no balance: the shape is wrong by more than its covariance "
+            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touched"
+        )
     if state.unseen_s >= UNSEEN_S:
         notes.append(
             f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "

@@ -36,7 +36,7 @@ class State:
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
             again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
             of the endcaps whose force was unknown then. began_unmeasured: numbers of the bars whose gyroscope was
-            silent then. unseen_s: for how long several gyroscopes were silent at once.
+            silent then. began_unbalanced: whether no shape balanced the forces then. unseen_s: for how long several gyroscopes were silent at once.
     """
 
     time_s: float
@@ -73,6 +73,7 @@ class State:
     began_moving: bool = False
     began_silent: tuple[int, ...] = ()
     began_unmeasured: tuple[int, ...] = ()
+    began_unbalanced: bool = False
     unseen_s: float = 0.0
 
     def copy(self) -> Self:

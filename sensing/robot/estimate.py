@@ -21,7 +21,8 @@ class BarEstimate:
     Attributes:
         name: of the bar. T_world_bar: (4, 4) m.
         velocity_m_s: (3,) of the bar's origin, world axes. rate_rad_s: (3,) angular velocity, world axes.
-        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity.
+        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity. rate_covariance: (3, 3) of the
+            angular velocity.
     """
 
     name: str
@@ -29,6 +30,7 @@ class BarEstimate:
     velocity_m_s: Array
     rate_rad_s: Array
     covariance: Array
+    rate_covariance: Array
 
 
 @dataclass(frozen=True)

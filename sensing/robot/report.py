@@ -40,7 +40,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
     friction, friction_sd = moments(state.friction)
     return RobotEstimate(
         state.time_s, measured_s,
-        tuple(_bar(state, bar, layout) for bar in range(layout.bars)),
+        tuple(_bar(state, bar, layout, settings) for bar in range(layout.bars)),
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
@@ -52,10 +52,10 @@ def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array,
     return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)
 
 
-def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
+def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstimate:
     lever = -layout.reference_m[bar]
     origin, slopes = _point(state, bar, lever, layout)
-    rate = world_rate(state, bar)
+    rate = _rate(state, bar)
     arm = state.turn[bar] @ lever
     velocity = state.velocity[bar] + cross(rate, arm)
     rows = np.zeros((9, layout.size))
@@ -68,7 +68,28 @@ def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
     rows[6:, layout.rate_bias(bar)] -= across @ state.turn[bar]
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
-    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, rows @ state.covariance @ rows.T)
+    covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
+    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
+
+
+def _fell_silent(state: State, bar: int) -> bool:
+    """Whether a bar's gyroscope was heard once and is not now."""
+    return SILENT_S < state.time_s - float(state.rate_s[bar]) < np.inf
+
+
+def _rate(state: State, bar: int) -> Array:
+    """(3,) angular velocity of a bar, world axes; zero, the likeliest, where its gyroscope fell silent."""
+    return np.zeros(3) if _fell_silent(state, bar) else world_rate(state, bar)
+
+
+def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings) -> Array:
+    """(3, 3) of a bar's angular velocity, world axes: turn and bias, and the noise of the last sample."""
+    rows = np.zeros((3, layout.size))
+    rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
+    noise, over_s = settings.rate_noise, state.rate_over_s[bar]
+    if _fell_silent(state, bar):
+        noise, over_s = settings.unknown_rate_noise, SILENT_S
+    return np.asarray(rows @ state.covariance @ rows.T + noise**2 / over_s * np.eye(3))
 
 
 def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:
@@ -93,7 +114,7 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
 
 def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -> Hold:
     free = WRONG_BIT if touching else 1 - WRONG_BIT
-    speed = layout.radius_m[endcap] * float(np.linalg.norm(cross(world_rate(state, bar), state.normal[endcap])))
+    speed = layout.radius_m[endcap] * float(np.linalg.norm(cross(_rate(state, bar), state.normal[endcap])))
     rolls = 1 / (1 + float(np.exp(np.clip((ROLLING_M_S - speed) / ROLLING_SPREAD, -40, 40))))
     slips = (1 - free) * float(state.slips[endcap])
     rest = 1 - free - slips

@@ -19,6 +19,7 @@ ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre fro
 WRONG_BIT = 0.02  # E: how often whether it touches is wrong
 INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a note
 WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
+SOFTNESS_OFF = 3.0  # of Settings.softness_sd, by which no silicone differs: noise of the forces is taken for softness
 SILENT_LENGTHS_S = 0.2
 LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
 ANEW_S = 10.0  # for which it is said that the estimate began anew
@@ -146,6 +147,12 @@ def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> H
     if abs(state.weight_ratio - 1) > WEIGHT_OFF:
         notes.append(
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
+        )
+    softness = float(state.softness[0])
+    if abs(softness) > SOFTNESS_OFF * settings.softness_sd:
+        notes.append(
+            f"domes seem to yield by {1 + softness:.2f} of Settings.compliance_m_n: it is wrong, or wrenches are "
+            "noisier than they state: heights of contacts may be off by more than their covariance says"
         )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
 

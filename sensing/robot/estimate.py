@@ -21,7 +21,8 @@ class BarEstimate:
     Attributes:
         name: of the bar. T_world_bar: (4, 4) m.
         velocity_m_s: (3,) of the bar's origin, world axes. rate_rad_s: (3,) angular velocity, world axes.
-        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity.
+        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity. rate_covariance: (3, 3) of the
+            angular velocity.
     """
 
     name: str
@@ -29,6 +30,7 @@ class BarEstimate:
     velocity_m_s: Array
     rate_rad_s: Array
     covariance: Array
+    rate_covariance: Array
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ class Health:
     """Whether the answer agrees with the samples.
 
     Attributes:
-        lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately; 1 is right.
+        lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately: below 1
+            where it is right, since variances hold errors that stay, too.
         weight_ratio: sum of the vertical forces over the weight, lately; NaN while the robot accelerates.
         rejected: lengths that did not fit, of the last sample. ignored: samples with NaN or too old, since the start.
         notes: what is missing or does not fit, one line each.

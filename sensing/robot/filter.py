@@ -93,7 +93,8 @@ class Filter:
             if not np.isfinite(state.rate_s[bar]):
                 self._first_rate(state, bar)
             new = turn @ sample.rate_rad_s
-            rate[bar] = _over_step(new, state.rate_used[bar], time_s - state.rate_s[bar], step)
+            state.rate_over_s[bar] = time_s - state.rate_s[bar]
+            rate[bar] = _over_step(new, state.rate_used[bar], state.rate_over_s[bar], step)
             state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
             state.rate_used[bar] = -rate[bar] * step
             if sample.acceleration_m_s2 is not None and self.layout.has_force[bar]:

@@ -35,6 +35,7 @@ ROUNDS, STEP, HALVED = 15, 1e-6, 5
 SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0  # first guesses, those that are followed, a residual that counts no more
 DOUBTED_STARTS = 8  # that are followed where an endcap is silent: there are more solutions then
 DOUBT = 4.0  # E: by which the squared residuals of two solutions mislead, since their errors are not independent
+UNBALANCED = 25.0  # E: sum of squared residuals of the balance, beyond which these forces belong to no such robot
 
 
 class FirstShape:
@@ -106,6 +107,13 @@ class FirstShape:
         motion = self._open_motion(poses)
         spread = np.linalg.inv(jacobian.T @ jacobian) + OPEN_SD_M**2 * np.outer(motion, motion)
         return poses, spread + others
+
+    def balances(self, poses: Array) -> bool:
+        """Whether bars in these poses are in balance under what the endcaps report, with any likely tensions."""
+        if not self.contacts:
+            return True
+        off = self._balance(poses, *cable_lengths(self.layout.robot, poses))
+        return float(off @ off) < UNBALANCED
 
     def _cost(self, guess: Array) -> float:
         self.guess = guess

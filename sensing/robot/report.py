@@ -19,6 +19,7 @@ ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre fro
 WRONG_BIT = 0.02  # E: how often whether it touches is wrong
 INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a note
 WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
+SOFTNESS_OFF = 3.0  # of Settings.softness_sd, by which no silicone differs: noise of the forces is taken for softness
 SILENT_LENGTHS_S = 0.2
 LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
 ANEW_S = 10.0  # for which it is said that the estimate began anew
@@ -40,7 +41,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
     friction, friction_sd = moments(state.friction)
     return RobotEstimate(
         state.time_s, measured_s,
-        tuple(_bar(state, bar, layout) for bar in range(layout.bars)),
+        tuple(_bar(state, bar, layout, settings) for bar in range(layout.bars)),
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
@@ -52,10 +53,10 @@ def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array,
     return point_slopes(state.turn, state.place, bar, np.ascontiguousarray(lever), layout.leader, layout.size)
 
 
-def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
+def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstimate:
     lever = -layout.reference_m[bar]
     origin, slopes = _point(state, bar, lever, layout)
-    rate = world_rate(state, bar)
+    rate = _rate(state, bar)
     arm = state.turn[bar] @ lever
     velocity = state.velocity[bar] + cross(rate, arm)
     rows = np.zeros((9, layout.size))
@@ -68,7 +69,28 @@ def _bar(state: State, bar: int, layout: Layout) -> BarEstimate:
     rows[6:, layout.rate_bias(bar)] -= across @ state.turn[bar]
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
-    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, rows @ state.covariance @ rows.T)
+    covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
+    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
+
+
+def _fell_silent(state: State, bar: int) -> bool:
+    """Whether a bar's gyroscope was heard once and is not now."""
+    return SILENT_S < state.time_s - float(state.rate_s[bar]) < np.inf
+
+
+def _rate(state: State, bar: int) -> Array:
+    """(3,) angular velocity of a bar, world axes; zero, the likeliest, where its gyroscope fell silent."""
+    return np.zeros(3) if _fell_silent(state, bar) else world_rate(state, bar)
+
+
+def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings) -> Array:
+    """(3, 3) of a bar's angular velocity, world axes: turn and bias, and the noise of the last sample."""
+    rows = np.zeros((3, layout.size))
+    rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
+    noise, over_s = settings.rate_noise, state.rate_over_s[bar]
+    if _fell_silent(state, bar):
+        noise, over_s = settings.unknown_rate_noise, SILENT_S
+    return np.asarray(rows @ state.covariance @ rows.T + noise**2 / over_s * np.eye(3))
 
 
 def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:
@@ -93,7 +115,7 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
 
 def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -> Hold:
     free = WRONG_BIT if touching else 1 - WRONG_BIT
-    speed = layout.radius_m[endcap] * float(np.linalg.norm(cross(world_rate(state, bar), state.normal[endcap])))
+    speed = layout.radius_m[endcap] * float(np.linalg.norm(cross(_rate(state, bar), state.normal[endcap])))
     rolls = 1 / (1 + float(np.exp(np.clip((ROLLING_M_S - speed) / ROLLING_SPREAD, -40, 40))))
     slips = (1 - free) * float(state.slips[endcap])
     rest = 1 - free - slips
@@ -126,6 +148,12 @@ def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> H
         notes.append(
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
         )
+    softness = float(state.softness[0])
+    if abs(softness) > SOFTNESS_OFF * settings.softness_sd:
+        notes.append(
+            f"domes seem to yield by {1 + softness:.2f} of Settings.compliance_m_n: it is wrong, or wrenches are "
+            "noisier than they state: heights of contacts may be off by more than their covariance says"
+        )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
 
 
@@ -150,6 +178,11 @@ def _lost(state: State, layout: Layout) -> list[str]:
         notes.append(
             f"begun without {names}: bars may be turned by more than their covariance says, until it reports and the "
             "robot has stood still for a second"
+        )
+    if state.began_unbalanced:
+        notes.append(
+            "begun with forces under which the bars are in no balance: the shape is wrong by more than its covariance "
+            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touched"
         )
     if state.unseen_s >= UNSEEN_S:
         notes.append(

@@ -111,6 +111,8 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     _spread(state, heading, held.covariance[place, place], layout)
     state.friction, state.anew_s = held.friction.copy(), state.time_s
     state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
+    if doubtful(held):  # what a wrong shape taught is wrong, too
+        return
     state.creep, state.softness = held.creep.copy(), held.softness.copy()
     learned = np.ix_((layout.creep, layout.softness), (layout.creep, layout.softness))
     state.covariance[learned] = held.covariance[learned]

@@ -165,6 +165,7 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
         force = gathered.force[layout.leader] / gathered.counts[layout.leader, 1]
     problem = FirstShape(lengths, force, gathered.contacts, layout, settings)
     poses, spread = problem.solved()
+    state.began_unbalanced = not problem.balances(poses)
     last, rocked = _last_turns(gathered, settings)
     _rock(poses, last, layout)
     shift = -poses[:, :3, 3].mean(axis=0)

@@ -27,7 +27,8 @@ class State:
         slips: (E,) probability. creep: (1,) of endcaps that turn under load
             (:func:`sensing.robot.contacts.move_by_creep`). softness: (1,) part by which domes yield more than
             ``Settings.compliance_m_n`` says, or forces are measured too small.
-        rate, force: (B, 3) last samples, bar axes. rate_s, force_s: (B,) their times.
+        rate, force: (B, 3) last samples, bar axes. rate_s, force_s: (B,) their times. rate_over_s: (B,) time over
+            which the last rate is a mean; inf where none is known.
         rate_used, force_used: (B, 3) their integrals since.
         contact_s: (E,) time of the last reading whose numbers counted. reading_s: (E,) of any. lengths_s: of lengths.
         contacts: last reading of each endcap. friction: (59,) weights of the coefficients.
@@ -36,7 +37,8 @@ class State:
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
             again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
             of the endcaps whose force was unknown then. began_unmeasured: numbers of the bars whose gyroscope was
-            silent then. unseen_s: for how long several gyroscopes were silent at once.
+            silent then. began_unbalanced: whether no shape balanced the forces then. unseen_s: for how long several
+            gyroscopes were silent at once.
     """
 
     time_s: float
@@ -57,6 +59,7 @@ class State:
     force: Array
     rate_s: Array
     force_s: Array
+    rate_over_s: Array
     rate_used: Array
     force_used: Array
     contact_s: Array
@@ -73,6 +76,7 @@ class State:
     began_moving: bool = False
     began_silent: tuple[int, ...] = ()
     began_unmeasured: tuple[int, ...] = ()
+    began_unbalanced: bool = False
     unseen_s: float = 0.0
 
     def copy(self) -> Self:
@@ -97,8 +101,8 @@ def empty_state(layout: Layout, time_s: float) -> State:
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
-        rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never), rate_used=of_bars(),
-        force_used=of_bars(),
+        rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
+        rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps,

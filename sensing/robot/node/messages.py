@@ -23,6 +23,7 @@ from sensing.robot.estimate import BarEstimate, RobotEstimate
 from sensing.robot.node.run import NS, whole_ns
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
+from sensing.tensegrity.vectors import minus_cross
 
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 ODOMETRY, POSES = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseArray"
@@ -112,8 +113,10 @@ def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
         bar: the estimate. stamp_ns: wall time.
     """
     types, R = ros.typestore().types, bar.T_world_bar[:3, :3]
+    slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # turned with the bar, a velocity errs with it
     twist_covariance = np.zeros((6, 6))
-    twist_covariance[:3, :3] = R.T @ bar.covariance[6:, 6:] @ R
+    twist_covariance[:3, :3] = slopes @ bar.covariance[3:, 3:] @ slopes.T
+    twist_covariance[3:, 3:] = R.T @ bar.rate_covariance @ R
     message = types[ODOMETRY](
         header=ros.header(stamp_ns, WORLD), child_frame_id=f"bar_{bar.name}",
         pose=types["geometry_msgs/msg/PoseWithCovariance"](

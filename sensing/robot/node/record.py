@@ -55,6 +55,7 @@ def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
             {
                 "name": bar.name, "T_world_bar": _plain(bar.T_world_bar), "velocity_m_s": _plain(bar.velocity_m_s),
                 "rate_rad_s": _plain(bar.rate_rad_s), "covariance": _plain(bar.covariance),
+                "rate_covariance": _plain(bar.rate_covariance),
             }
             for bar in estimate.bars
         ],

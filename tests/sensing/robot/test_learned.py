@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from long_cases import others_long
@@ -16,7 +18,7 @@ from sensing.simulator.walk.simulate import simulate_walk
 from sensing.simulator.walk.stream import SensorSet, sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.tensegrity.robot_file import load_robot
-from sensing.tensegrity.samples import InertialSample
+from sensing.tensegrity.samples import FootSample, InertialSample
 
 ROBOT = load_robot()
 
@@ -90,3 +92,17 @@ def test_a_robot_that_stands_does_not_come_to_know_its_softness_worse_than_at_fi
     feed(estimator, samples)
     found = estimator.state()
     assert found.softness_sd < 1.01 * settings.softness_sd and abs(found.softness) < 3 * settings.softness_sd
+
+
+@pytest.mark.parametrize(("noise_n", "said"), [(0.1, False), (2.0, True)])
+def test_a_softness_that_is_noise_of_the_forces_is_said(noise_n, said):
+    """The filter takes a force's error for a stiffer dome, which it then states to be surely so."""
+    rng, estimator = np.random.default_rng(0), RobotEstimator(ROBOT)
+    for sample in standing_samples(ROBOT, 5.0)[1]:
+        if isinstance(sample, FootSample):
+            stated = np.diag([0.01 + noise_n**2] * 3 + [25e-6] * 3)
+            sample = replace(sample, force_n=sample.force_n + rng.normal(0, noise_n, 3), covariance=stated)
+        feed(estimator, [sample])
+    found = estimator.state()
+    assert (abs(found.softness) > 3 * found.softness_sd) == said
+    assert any("domes seem to yield" in note for note in found.health.notes) == said

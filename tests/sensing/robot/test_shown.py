@@ -15,11 +15,14 @@ import pytest
 from standing_robot import feed, standing_samples
 
 from cad.errors import ParameterError
+from sensing.live.outputs import ros_types as ros
 from sensing.live.web.process import HEADERS
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.node import messages
 from sensing.robot.node.page import RobotPage, ellipse
 from sensing.robot.node.record import Report
 from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.shape import rotation_of
 
 ROOT, PATIENCE_S = Path(__file__).resolve().parents[3], 180.0
 ROBOT = load_robot()
@@ -159,3 +162,20 @@ def test_a_bar_whose_topic_no_node_could_read_or_is_anothers_is_refused(bars, sa
     sensors = tuple(replace(sensor, name=name) for sensor, name in zip(ROBOT.sensors, bars, strict=True))
     with pytest.raises(ParameterError, match=said):
         LiveRobot(replace(ROBOT, sensors=sensors))
+
+
+def test_the_covariance_of_a_twist_is_that_of_drawn_turns_and_velocities(report):
+    """A velocity in the bar's axes errs with the bar's turn, too: a heading that is not known leaves it as it is."""
+    bar, rng = report.estimate.bars[1], np.random.default_rng(0)
+    velocity, root = np.array([0.4, -0.2, 0.1]), 0.01 * rng.normal(size=(9, 9))
+    root[5] += 0.05 * rng.normal(size=9)
+    root[6:8] += np.outer([-velocity[1], velocity[0]], root[5])  # the velocity turns with the heading
+    moving = replace(bar, velocity_m_s=velocity, covariance=root @ root.T, rate_covariance=np.diag([1.0, 4.0, 9.0]))
+    errors = rng.normal(size=(4000, 9)) @ root.T
+    R = bar.T_world_bar[:3, :3]
+    drawn = [(rotation_of(error[3:6]) @ R).T @ (velocity + error[6:]) for error in errors]
+    twist = ros.decode(messages.ODOMETRY, messages.odometry(moving, 0)).twist
+    covariance = np.array(twist.covariance).reshape(6, 6)
+    expected = np.cov(np.array(drawn).T)
+    assert covariance[:3, :3] == pytest.approx(expected, abs=0.08 * np.trace(expected))
+    assert covariance[3:, 3:] == pytest.approx(R.T @ np.diag([1.0, 4.0, 9.0]) @ R)

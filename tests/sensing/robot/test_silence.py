@@ -132,3 +132,26 @@ def test_a_silence_of_the_leading_sensor_does_not_let_a_walking_robot_run_away()
         feed(heard, gap)
         assert np.linalg.norm(silent.state().centre_of_mass_m - heard.state().centre_of_mass_m) < 0.1
         feed(heard, [sample for sample in samples if begin_s + 0.7 < sample.time_s <= end_s])
+
+
+def test_the_last_rate_of_a_gyroscope_that_falls_silent_goes_on_for_nobody():
+    """It stayed in the reported rate, velocity and rolling for as long as the silence lasted."""
+    name, turned = ROBOT.sensors[1].name, []
+    for sample in standing_samples(ROBOT, 2.0)[1]:
+        if isinstance(sample, InertialSample) and sample.sensor == name and sample.time_s > 1.4:
+            if sample.time_s > 1.5:
+                continue
+            sample = replace(sample, rate_rad_s=np.array([0.0, 0.0, 0.6]))
+        turned.append(sample)
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, turned)
+    bar = estimator.state().bars[ROBOT.bar_number(ROBOT.sensors[1].bar)]
+    assert np.abs(bar.rate_rad_s).max() < 1e-3
+    assert np.sqrt(np.diag(bar.rate_covariance)).min() > 0.5  # nobody measures it
+
+
+def test_rates_are_as_sure_as_they_say():
+    """Of bars that stand: errors are those of noise, of the biases, and none of the turn."""
+    found = asked(standing_samples(ROBOT, 4.0)[1], every_s=0.05)
+    squares = [b.rate_rad_s @ np.linalg.solve(b.rate_covariance, b.rate_rad_s) / 3 for e in found for b in e.bars]
+    assert 0.5 < np.mean(squares) < 1.5

@@ -170,3 +170,25 @@ def test_whatever_sample_comes_first_after_the_start(late_s):
     estimate = estimator.state()
     assert not any("held" in note or "anew" in note for note in estimate.health.notes)
     assert np.sqrt(np.diag(estimate.bars[0].covariance)[:3]).max() < 0.02
+
+
+@pytest.mark.parametrize("swapped", [{}, {0: 2, 2: 0}, {0: 1, 1: 0}, {0: 2, 2: 4, 4: 0}])
+def test_endcaps_that_sit_elsewhere_than_the_description_says_are_noticed(swapped):
+    """Plugged in another order, they turn bars by up to 100 degrees, which the covariance does not say."""
+    names = {ROBOT.endcaps[k].name: ROBOT.endcaps[v].name for k, v in swapped.items()}
+    samples = standing_samples(ROBOT, 1.2)[1]
+    plugged = [replace(s, endcap=names.get(s.endcap, s.endcap)) if isinstance(s, FootSample) else s for s in samples]
+    notes = first_estimate(plugged).health.notes
+    assert any(note.startswith("begun with forces under which the bars are in no balance") for note in notes) == bool(
+        swapped
+    )
+
+
+@pytest.mark.parametrize("scale", [0.74, 1.35])
+def test_a_silicone_of_another_stiffness_is_no_endcap_that_sits_elsewhere(scale):
+    samples = standing_samples(ROBOT, 1.2)[1]
+    scaled = [
+        replace(s, force_n=scale * s.force_n, torque_nm=scale * s.torque_nm) if isinstance(s, FootSample) else s
+        for s in samples
+    ]
+    assert not first_estimate(scaled).health.notes

@@ -49,7 +49,7 @@ class EndcapParams:
     def __post_init__(self) -> None:
         for name in ("diameter_mm", "wall_mm"):
             object.__setattr__(self, name, feasible.positive_number(name, getattr(self, name)))
-        object.__setattr__(self, "dot_rings", tuple(int(count) for count in self.dot_rings))
+        object.__setattr__(self, "dot_rings", pattern.whole_counts(self.dot_rings))
         feasible.require_feasible(self.diameter_mm, self.wall_mm)
         for name, example in (("dot_mm", pattern.DOT_MM_EXAMPLE), ("gyroid", pattern.GYROID_EXAMPLE)):
             object.__setattr__(self, name, feasible.positive_number(name, getattr(self, name), example))

@@ -11,6 +11,8 @@ Each limit is a closed form: chords between neighbours on the inner sphere for d
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from operator import index
 
 from cad.errors import ParameterError
 from cad.plain_numbers import brief, plain
@@ -61,6 +63,23 @@ def parse_rings(text: object) -> tuple[int, ...]:
 def rings_text(rings: tuple[int, ...]) -> str:
     """Counts as they are typed."""
     return "-".join(map(str, rings))
+
+
+def whole_counts(rings: Iterable[object]) -> tuple[int, ...]:
+    """Dots of each ring as Python's own whole numbers, of whatever library they come.
+
+    Raises:
+        ParameterError: some are none.
+    """
+    try:
+        return tuple(index(count) for count in rings)  # type: ignore[arg-type]
+    except TypeError:
+        raise ParameterError(
+            f"dot_rings={brief(repr(rings))} is no list of whole numbers: give the dots of each ring, for example "
+            f"{RELEASED_RINGS}",
+            name="dot_rings",
+            value=rings,
+        ) from None
 
 
 def dent_depth_mm(dot_mm: float) -> float:

@@ -1,7 +1,8 @@
 """What the closed mold encloses: balance of volumes, thickness of the wall, leaks at the joints, trapped air.
 
-Everything is measured on the pieces' meshes as read back from their files, against the shell's solid or closed forms.
-Millimetres, endcap frame; the mold is poured with +z down.
+Balance, wall and hollows are measured on the meshes as read back from their files, against the shell's solid or closed
+forms. What leaks, and the air under the flat flange, are closed forms of the sizes alone. Millimetres, endcap frame;
+the mold is poured with +z down.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -224,6 +225,13 @@ def test_refusals_name_value_limit_reason_and_nearest_choice(diameter_mm, wall_m
 def test_a_refused_value_has_every_digit_that_was_given(given, words):
     with pytest.raises(ParameterError, match=re.escape(words)):
         EndcapParams(**({"diameter_mm": 130.0, "wall_mm": 8.0} | given))
+
+
+@pytest.mark.parametrize("rings", [(1, 6.7, 10), "1-6-10", (1, math.nan, 10), 5, None])
+def test_dots_of_a_ring_are_whole_numbers(rings):
+    with pytest.raises(ParameterError, match="is no list of whole numbers: give the dots of each ring, for example"):
+        EndcapParams(130.0, 8.0, rings)
+    assert EndcapParams(130.0, 8.0, np.array([1, 6, 10])).dot_rings == (1, 6, 10)
 
 
 def test_dots_that_lie_a_hair_too_near_are_not_said_to_lie_far_enough_apart():

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from cad.design_arguments import number
-from cad.errors import ParameterError
+from cad.errors import FileError, ParameterError
 from cad.materials import silicones
-from cad.options import chosen
 from cad.plain_numbers import brief, stored_number, whole_number
 
 __all__ = [
@@ -46,13 +45,16 @@ def scientific(text: str) -> float:
 def silicone_name(text: str) -> str:
     """A silicone as cad/materials.csv writes its name; upper and lower case count as one.
 
+    A name that is not there stays as it is: whoever looks it up refuses it.
+
     Raises:
-        argparse.ArgumentTypeError: no such row.
+        argparse.ArgumentTypeError: the table cannot be read.
     """
     try:
-        return chosen("silicone", text, silicones(), "cad/materials.csv")
-    except ParameterError as error:
+        by_lower = {name.lower(): name for name in silicones()}
+    except FileError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+    return by_lower.get(text.lower(), text)
 
 
 def pair(text: str) -> tuple[int, int]:

@@ -137,6 +137,7 @@ def test_the_command_that_makes_weights_runs_as_it_stands(monkeypatch, tmp_path)
     [
         ([], "nothing to train on"),
         (["--design", "180", "40"], "nearest valid choice"),
+        (["--design", "180", "10", "--silicone", "Jelly"], "choose one of"),
         (["somewhere", "--design", "180", "10"], "one or the other"),
         (["--design", "180", "10", "--out", "/nowhere/w.safetensors"], "its folder is not there"),
         (["somewhere"], "--out is missing"),

@@ -9,13 +9,8 @@ from cad.errors import FileError, ParameterError
 from cad.materials import silicones
 from cad.plain_numbers import brief, stored_number, whole_number
 
-__all__ = [
-    "number",
-    "pair",
-    "scientific",
-    "silicone_name",
-    "whole",
-]  # number: an option of a design is of that type, too
+# number, too: an option of a design is of that type
+__all__ = ["number", "pair", "scientific", "silicone_name", "whole"]
 
 
 def whole(text: str) -> int:

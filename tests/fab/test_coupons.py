@@ -171,7 +171,7 @@ def test_the_page_says_which_bed_the_long_prints_need(parts):
 
 
 def test_what_floats_in_the_tray_is_held():
-    """TPU was laid into a denser silicone and nothing held it: 12 g of lift on a foot, 26 on a spacer of 15 % infill."""
+    """Nothing held the TPU in its denser silicone: 12 g of lift on a foot of 15 % infill, 26 on a spacer."""
     assert filament("TPU 95A").density_g_cm3 < silicone(DEFAULT_SILICONE).density_g_cm3
     words = " ".join(PAGE.read_text(encoding="utf-8").split())
     assert "Stick the TPU to the tray and the spacer to the TPU" in words

@@ -109,7 +109,7 @@ def test_the_numbers_of_keys_and_wedges_are_where_the_sheet_sees_their_holes(siz
 
 @pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
 def test_the_core_is_set_by_what_is_in_sight(size):
-    """It goes toward the hanger's pins, said the sheet; these lie hidden in the collar's sockets since the step before."""
+    """Toward the pins of the hanger, said the sheet; these lie hidden in the sockets of the collar by then."""
     layout = MoldLayout(EndcapParams(*size))
     steps = {step.key: step for step in mold_steps(layout, ways(layout))}
     later = [step for step in steps.values() if step.stage == "upper half" and step.key not in ("nuts", "collar")]

@@ -215,7 +215,7 @@ def _finger_words(params: EndcapParams) -> tuple[str, str]:
     repeat = repeat_deg(params)
     near = f" or less than {repeat / 2:.3g}° from it" if repeat < 180.0 else ""
     good = (
-        f"at the mark 0 it moves the dots at the right{near}; a quarter turn clockwise from there, as you look into the "
+        f"at the mark 0 it moves the dots at the right{near}; a quarter turn clockwise from it, as you look into the "
         "dome, those at the bottom"
     )
     mirrored = "one of the two opposite: the picture is mirrored; switch that off"

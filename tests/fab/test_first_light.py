@@ -110,7 +110,7 @@ def test_a_finger_shows_a_camera_half_a_turn_round_and_a_mirrored_picture_which_
     x, y = places[0.0]
     assert "at the mark 0 it moves the dots at the right" in good and x > 320 and y == pytest.approx(240)
     quarter = min(places, key=lambda azimuth: abs(azimuth - 90.0))
-    assert "a quarter turn clockwise from there" in good and "at the bottom" in good and places[quarter][1] > 300
+    assert "a quarter turn clockwise from it" in good and "at the bottom" in good and places[quarter][1] > 300
     assert otherwise.startswith(turned) and "one of the two opposite: the picture is mirrored" in otherwise
     looks = [{(d.ring, round(d.azimuth_deg, 4) % 360) for d in dot_pattern(params) if d.ring}]
     for turn, sign in ((180.0, 1.0), (0.0, -1.0)):  # half a turn, a mirror

@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 import trimesh
 
+from cad.arm_adapter import adapter_part
+from cad.base import base_part
+from cad.camera import camera_part
+from cad.interface import build_flange
 from cad.params import EndcapParams
 from endcap.robot_model import __main__ as command
 from endcap.robot_model import checked, folder, usd
+from endcap.robot_model.fasteners import fasteners_inertial, tube_inertial
 from endcap.robot_model.parts import EndcapParts, plastic_share, solid_inertial
 from endcap.robot_model.urdf import endcap_urdf
 from fab.clean import remove_made
+from fab.meshing.mesh import tessellate
 from sensing.simulator.robot_model.model import MOVING_SHARE, robot_model
 
 SIDES_MM = np.array([40.0, 60.0, 100.0])
@@ -31,6 +37,15 @@ def parts(variant, progress) -> EndcapParts:
     """Stands in for the CAD."""
     drawn = {name: trimesh.creation.icosphere(3, 0.05) for name in ("base", "shell")}
     return EndcapParts({"base": solid_inertial(box((0, 0, -10)), 1.24)}, solid_inertial(box((0, 0, 50)), 1.24), drawn)
+
+
+@pytest.fixture(scope="module")
+def released_meshes():
+    """Of the parts that the endcap's screws hold together, at D=130 T=8; the interface without its gyroid."""
+    params = EndcapParams(130.0, 8.0)
+    solids = {"base": base_part, "arm_adapter": adapter_part, "camera": camera_part}
+    meshes = {name: tessellate(make(params).solid) for name, make in solids.items()}
+    return meshes | {"interface": tessellate(build_flange(params))}
 
 
 @pytest.fixture
@@ -57,6 +72,29 @@ def test_base_and_moving_shell_are_together_all_parts():
     assert bodies.whole.mass_kg == pytest.approx(whole.mass_kg)
     assert bodies.whole.centre_m == pytest.approx(whole.centre_m)
     assert bodies.whole.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
+
+
+def test_the_screws_of_the_endcap_weigh_what_their_standards_say(released_meshes):
+    """They were left out: 33 g of steel and brass, at D=99 a tenth of all else."""
+    params = EndcapParams(130.0, 8.0)
+    found = fasteners_inertial(params, released_meshes)
+    # As suppliers list them, g: M3 x 8, M4 x 20, nut DIN 562, washer ISO 7092, insert, M2 x 8 for plastic.
+    expected_g = 10 * 0.88 + 5 * 2.9 + 10 * 0.37 + 10 * 0.08 + 5 * 1.1 + 4 * 0.2
+    assert 1000 * found.mass_kg == pytest.approx(expected_g, rel=0.1)
+    assert found.centre_m[:2] == pytest.approx([0.0, 0.0], abs=1e-9)  # circles of five and ten, a square of four
+    assert -0.036 < found.centre_m[2] < 0.004  # between the adapter's lower face and the nuts
+    assert found.inertia_kg_m2[2, 2] < found.mass_kg * 0.06**2  # none beyond the lugs' circle
+
+
+def test_a_tube_is_a_cylinder_less_its_bore():
+    outer, inner = (trimesh.creation.cylinder(radius, 12.0, sections=720) for radius in (5.0, 3.0))
+    for mesh in (outer, inner):
+        mesh.apply_translation([20.0, -7.0, 4.0])
+    wanted = solid_inertial(outer, 7.85) + solid_inertial(inner, 7.85).times(-1)
+    found = tube_inertial((20.0, -7.0), 6.0, 10.0, 10.0, -2.0)
+    assert found.mass_kg == pytest.approx(wanted.mass_kg, rel=1e-4)
+    assert found.centre_m == pytest.approx(wanted.centre_m)
+    assert found.inertia_kg_m2 == pytest.approx(wanted.inertia_kg_m2, rel=1e-3, abs=1e-12)
 
 
 def test_a_thin_print_is_all_plastic_and_a_thick_one_skin_and_infill():

@@ -16,6 +16,7 @@ from cad.materials import silicone
 from cad.mold_core import core_body
 from cad.part import Part
 from cad.shell import shell_part
+from endcap.robot_model.fasteners import fasteners_inertial
 from fab.cache import Cache
 from fab.design_page.estimate import CAMERA_AND_RING_G
 from fab.exports.preview_parts import simplified
@@ -77,6 +78,8 @@ def endcap_parts(variant: Variant, progress: Callable[[str], None]) -> EndcapPar
     dome = solid_inertial(shell, density) + solid_inertial(from_manifold(gyroid), density).times(-1)
     masses = {"interface": solid_inertial(interface, filament("TPU 95A").density_g_cm3)}
     masses |= _printed(hardware) | _bought(hardware)
+    meshes = {part.name: mesh for part, mesh in hardware} | {"interface": interface}
+    masses["fasteners"] = fasteners_inertial(variant.params, meshes)
     rigid = [*(mesh for _, mesh in hardware), from_manifold(flange)]
     drawn = {
         "base": joined([simplified(mesh, DRAWN_TOLERANCE_MM) for mesh in rigid]),

@@ -160,7 +160,7 @@ def light_check(data: SheetData) -> list[Block]:
                 ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
                 "fixed by hand"),
                 ("dots of the common meridian", _line_words(params), _turn_words(params)),
-                *_repeats(params),
+                ("a second frame, a finger on the dome", *_finger_words(params)),
             ),
             (1.4, 2.2, 2),
         ),
@@ -206,13 +206,23 @@ def _turn_words(params: EndcapParams) -> str:
     return f"leave the camera: sensing.calibrate and sensing.setup find its turn from the dots{limit}"
 
 
-def _repeats(params: EndcapParams) -> list[tuple[str, str, str]]:
-    """A row where the dots look alike after less than half a turn: no picture shows then how the camera is turned."""
+def _finger_words(params: EndcapParams) -> tuple[str, str]:
+    """What a touch shows, and what it means if not: half a turn and a mirrored picture leave the dots as they look.
+
+    The board fits its four posts in four turns. Of those after which the dots look alike no program can know, nor of a
+    mirrored picture; the forces then come out turned, or with signs reversed.
+    """
     repeat = repeat_deg(params)
-    if repeat >= 180.0:
-        return []
-    good = f"within {repeat / 2:.3g}° of upright: these dots look alike every {repeat:.3g}°, so no program sees more"
-    return [("turn of the camera", good, "loosen its screws and turn it")]
+    near = f" or less than {repeat / 2:.3g}° from it" if repeat < 180.0 else ""
+    good = (
+        f"at the mark 0 it moves the dots at the right{near}; a quarter turn clockwise from it, as you look into the "
+        "dome, those at the bottom"
+    )
+    mirrored = "one of the two opposite: the picture is mirrored; switch that off"
+    if repeat >= 360.0:
+        return good, f"both turned alike: leave the camera; {mirrored}. No program sees that from the dots"
+    turned = f"both turned by {repeat:.3g}°{' or a multiple' if repeat < 180.0 else ''}: turn the board round"
+    return good, f"{turned}; {mirrored}. No program sees either from the dots, and forces would point elsewhere"
 
 
 def _first_run(data: SheetData) -> list[Block]:

@@ -108,8 +108,8 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
             "Lower the core into the interface, piece by piece",
             (
                 f"{AGENT} Neck first, straight down through the gyroid ring onto the hanger.",
-                "First the centre, its tabs toward the hanger's pins; then the three wedges against its short sides; "
-                "then the three keys, between the wedges and over the tabs.",
+                "First the centre, its tabs toward the middles of the collar's segments; then the three wedges against "
+                "its short sides; then the three keys, between the wedges and over the tabs.",
                 f"{NUMBERS} Each belongs where its hole meets that of the hanger.",
                 "{screws:hanger_to_core} from below, each piece before the next; they cut their own thread, too.",
             ),
@@ -146,8 +146,8 @@ def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             "Bring hanger and collar onto it",
             (
                 "Leave the interface on its ring. Turn the hanger with its collar over and lower it straight onto "
-                "interface and core, keys at the azimuths of the hanger's pins. Turned so that one screw of a piece "
-                "finds its hole, all must: else a piece has another one's place.",
+                "interface and core, the middles of the collar's segments over the keys. Turned so that one screw of a "
+                "piece finds its hole, all must: else a piece has another one's place.",
                 "{screws:hanger_to_core} into the core and {screws:hanger_to_interface} into the interface's nuts, "
                 "hand-tight: TPU gives way.",
             ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,14 +15,19 @@ import cad.coupons as coupons
 from cad.bought import bought_mm
 from cad.errors import ParameterError
 from cad.interface import POCKET_WIDTH_MM
+from cad.materials import DEFAULT_SILICONE, silicone
 from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
 from fab.checks.cavity import LEAK_RATIO, leak_check
+from fab.checks.fit import bed_check
 from fab.coupons.__main__ import coupon_bom, main
 from fab.coupons.checks import closed_share, coupon_checks, solid_checks
 from fab.coupons.mesh import with_gyroid
 from fab.meshing.mesh import tessellate
+from fab.slice.filaments import filament
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "coupons.md"
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +160,22 @@ def test_molds_command_takes_the_clearance(monkeypatch, tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["D130_T8_c0.2"]
     assert molds.main(["joint_clearance=0.5"]) == 2
     assert "joint_clearance=0.5 outside 0.05..0.217" in capsys.readouterr().err
+
+
+def test_the_page_says_which_bed_the_long_prints_need(parts):
+    """It named that of the specimen alone; the tray, without which it cannot be cast, is larger."""
+    words = PAGE.read_text(encoding="utf-8")
+    for name in ("peel_tpu", "peel_tray"):
+        side = bed_check(name, tessellate(parts[name].solid)).value
+        assert f"({side:.0f} mm square)" in words and side < 256
+
+
+def test_what_floats_in_the_tray_is_held():
+    """Nothing held the TPU in its denser silicone: 12 g of lift on a foot of 15 % infill, 26 on a spacer."""
+    assert filament("TPU 95A").density_g_cm3 < silicone(DEFAULT_SILICONE).density_g_cm3
+    words = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert "Stick the TPU to the tray and the spacer to the TPU" in words
+    assert words.index("Stick the TPU") < words.index("Silicone to the brim")
 
 
 def test_bad_options(capsys, tmp_path):

@@ -94,6 +94,30 @@ def test_the_line_of_dots_is_on_the_sides_where_the_drawing_has_it(rings, left, 
     assert bool(on_left) == ("none" not in left)
 
 
+@pytest.mark.parametrize(
+    ("rings", "turned"),
+    [
+        (PARAMS.dot_rings, "both turned by 180°: turn the board"),
+        ((1, 6, 12, 18), "both turned by 60° or a multiple: turn the board"),
+        ((1, 5, 9, 11, 14), "both turned alike: leave the camera"),
+    ],
+)
+def test_a_finger_shows_a_camera_half_a_turn_round_and_a_mirrored_picture_which_the_dots_hide(rings, turned):
+    """The board fits its posts in four turns, and the sheet named none: fx and fy had the wrong sign, silently."""
+    params = EndcapParams(142.0, 7.5, rings)
+    good, otherwise = sheet(params)[1]["a second frame, a finger on the dome"]
+    places = {round(dot.azimuth_deg, 6): pixel for dot, pixel in camera_pixels(params).items() if dot.ring == 2}
+    x, y = places[0.0]
+    assert "at the mark 0 it moves the dots at the right" in good and x > 320 and y == pytest.approx(240)
+    quarter = min(places, key=lambda azimuth: abs(azimuth - 90.0))
+    assert "a quarter turn clockwise from it" in good and "at the bottom" in good and places[quarter][1] > 300
+    assert otherwise.startswith(turned) and "one of the two opposite: the picture is mirrored" in otherwise
+    looks = [{(d.ring, round(d.azimuth_deg, 4) % 360) for d in dot_pattern(params) if d.ring}]
+    for turn, sign in ((180.0, 1.0), (0.0, -1.0)):  # half a turn, a mirror
+        looks.append({(ring, round((sign * azimuth + turn) % 360, 4) % 360) for ring, azimuth in looks[0]})
+    assert (looks[1] == looks[0]) == ("leave the camera" not in otherwise) and looks[2] == looks[0]
+
+
 def test_the_sheet_saves_the_frame_with_a_command_that_there_is(tmp_path, capsys):
     text, _ = sheet()
     assert ".venv/bin/python -m sensing.sources save 0 a.jpg" in text

@@ -108,6 +108,17 @@ def test_the_numbers_of_keys_and_wedges_are_where_the_sheet_sees_their_holes(siz
 
 
 @pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
+def test_the_core_is_set_by_what_is_in_sight(size):
+    """Toward the pins of the hanger, said the sheet; these lie hidden in the sockets of the collar by then."""
+    layout = MoldLayout(EndcapParams(*size))
+    steps = {step.key: step for step in mold_steps(layout, ways(layout))}
+    later = [step for step in steps.values() if step.stage == "upper half" and step.key not in ("nuts", "collar")]
+    words = " ".join(line for step in later for line in step.lines)
+    assert "pins" not in words and "the middles of the collar's segments" in words
+    assert list(layout.key_azimuths_deg) == [seam - 60.0 for seam in layout.collar_seams_deg]  # 120 degrees wide
+
+
+@pytest.mark.parametrize("size", [(104.0, 6.5), (130.0, 8.0)])
 def test_the_upper_half_is_lowered_with_its_seams_between_those_of_the_bowl(size):
     """Six bolts fit every 60 degrees; with seam on seam each ties a segment of the collar to the one under it alone."""
     layout = MoldLayout(EndcapParams(*size))

@@ -92,6 +92,7 @@ class RobotModelFiles:
             "sensors": SENSORS,
             "mass_g": {name: _figures(1000 * one.mass_kg) for name, one in masses.items()},
             "whole": _inertial(bodies.whole),
+            "base": _inertial(bodies.base),
             "moving_shell": _inertial(bodies.shell),
             "stiffness": {name: _figures(value) for name, value in asdict(self.model.stiffness).items()},
             "damping_s": _figures(self.model.damping_s),

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from cad.errors import EndcapError
+from sensing.simulator.verification import levels
 from sensing.simulator.verification import report as verify
 
 REPORT = Path(__file__).parents[4] / "docs" / "verification.md"
@@ -30,3 +32,28 @@ def test_a_section_without_a_place_is_a_fault() -> None:
     with pytest.raises(ValueError):
         verify._place("## Something else")
     assert verify._place("## Hard cases, part 2 of 12") < verify._place("## Hard cases, part 10 of 12")
+
+
+def test_a_section_that_fails_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def failed(_: Path) -> str:
+        raise EndcapError("no such shell")
+
+    monkeypatch.setitem(verify.SECTIONS, "solid", lambda _: "## The solid\n\nanew\n")
+    monkeypatch.setitem(verify.SECTIONS, "contact", failed)
+    assert verify.main(["--out", str(tmp_path), "--only", "solid", "contact"]) == 2
+    assert list(verify._read(tmp_path / "verification.md")) == ["## The solid"]
+
+
+def test_the_library_of_the_report_is_fitted_by_the_simulator_of_today(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that an earlier version left says nothing of this one."""
+
+    def fitted(*_: object) -> None:
+        raise EndcapError("fitted anew")
+
+    (tmp_path / "library.npz").write_bytes(b"of last year")
+    monkeypatch.setattr(levels, "LIBRARY", tmp_path / "library.npz")
+    monkeypatch.setattr(levels.library_fit, "fit_library", fitted)
+    with pytest.raises(EndcapError, match="fitted anew"):
+        levels.level_4_section()

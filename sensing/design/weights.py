@@ -1,6 +1,8 @@
 """Weights of any design and silicone in minutes: states from the library, seen by the camera of that size, trained.
 
-model = design_weights(DesignRequest(EndcapParams(180, 10)), FitConfig())
+    model = design_weights(DesignRequest(EndcapParams(180, 10)), FitConfig())
+
+States from elsewhere, as of a direct simulation, take the library's place with ``solved``.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from cad.errors import EndcapError
-from sensing.simulator.verification import levels
 from sensing.simulator.verification import report as verify
 
 REPORT = Path(__file__).parents[4] / "docs" / "verification.md"
@@ -42,18 +41,3 @@ def test_a_section_that_fails_costs_no_other(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(verify.SECTIONS, "contact", failed)
     assert verify.main(["--out", str(tmp_path), "--only", "solid", "contact"]) == 2
     assert list(verify._read(tmp_path / "verification.md")) == ["## The solid"]
-
-
-def test_the_library_of_the_report_is_fitted_by_the_simulator_of_today(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One that an earlier version left says nothing of this one."""
-
-    def fitted(*_: object) -> None:
-        raise EndcapError("fitted anew")
-
-    (tmp_path / "library.npz").write_bytes(b"of last year")
-    monkeypatch.setattr(levels, "LIBRARY", tmp_path / "library.npz")
-    monkeypatch.setattr(levels.library_fit, "fit_library", fitted)
-    with pytest.raises(EndcapError, match="fitted anew"):
-        levels.level_4_section()

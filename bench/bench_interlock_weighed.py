@@ -1,7 +1,7 @@
 """What a weighing leaves of the interlock's stiffness: ``python bench/bench_interlock_weighed.py``.
 
-The weights that ship know plain silicone; the shell D=130 T=8 that is pressed here has an interlock 1.49 times as stiff
-(bench/interlock_cell.csv). As `sensing.weigh` would, two known weights on a level table give one gain. Writes
+The weights that ship know plain silicone; the shell D=130 T=8 that is pressed here has an interlock as stiff as
+bench/interlock_cell.csv says. As `sensing.weigh` would, two known weights on a level table give one gain. Writes
 bench/interlock_weighed.csv: for each tilt and load what plain shell and composite are off by without the gain and with
 it, half of the 95 % interval beside it, and the dots: displacement of the composite against that of plain silicone
 under the same load, and under the load that the gain makes equal. Fields are those of a nominal sensor without noise,
@@ -32,18 +32,23 @@ from sensing.simulator.scene import SceneState
 from sensing.simulator.similarity.labelled import shell_of
 from sensing.simulator.similarity.ratios import about
 from sensing.weighing.gain import Pose, fit_gain
+from sensing.weighing.words import GRAVITY_M_S2
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.range import NORMAL_95
 
 HERE = Path(__file__).parent
 DESIGN = EndcapParams(130, 8)
-STIFFER = 1.4855  # bench/interlock_cell.csv, 81 voxels
-GRAVITY = 9.80665
 WEIGHTS_G = (600.0, 1800.0)  # those of bench/bench_weigh.py
 WEIGHT_SD_N = 0.005
 TILTS_DEG, LOADS_N = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0), (5.0, 10.0, 20.0, 35.0)
 DRAG = 0.25  # walls, along the meridian and across it, after the press
 MESH = "data"  # that of the weights' training
+
+
+def stiffer() -> float:
+    """Interlock over plain silicone, on the finest voxels of bench_interlock.py."""
+    with (HERE / "interlock_cell.csv").open(newline="") as stream:
+        return float(max(csv.DictReader(stream), key=lambda row: int(row["voxels"]))["ratio"])
 
 
 class Pressed:
@@ -79,7 +84,7 @@ class Pressed:
         """Of two known weights on a level table."""
         poses = []
         for grams in WEIGHTS_G:
-            state = self.press(grams / 1000 * GRAVITY, 0.0)
+            state = self.press(grams / 1000 * GRAVITY_M_S2, 0.0)
             value, covariance = self.read(state)
             poses.append(Pose(f"{grams:g} g", self.truth(state)[:3], WEIGHT_SD_N, value[:3], covariance[:3, :3]))
         return fit_gain(poses).gain
@@ -110,7 +115,7 @@ def row(plain: Pressed, composite: Pressed, gain: float, place: tuple[float, flo
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description="What a weighing leaves of the interlock's stiffness.")
-    parser.add_argument("--stiffer", type=float, default=STIFFER, help=f"interlock over plain silicone ({STIFFER})")
+    parser.add_argument("--stiffer", type=float, default=stiffer(), help="interlock over plain silicone (%(default)s)")
     options = parser.parse_args(arguments)
     model = load_wrench_model(DESIGN)
     plain, composite = Pressed(1.0, model), Pressed(options.stiffer, model)

@@ -19,7 +19,6 @@ import csv
 import os
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from bench_similarity import TEST, TRAIN, Alone, errors, own_states, tested_on
+from bench_similarity import TEST, TRAIN, Alone, errors, own_states, some_nodes, tested_on, without
 
 from cad.params import EndcapParams
 from sensing.design.figures import figures
@@ -55,18 +54,6 @@ COLUMNS = (
     "study", "diameter_mm", "wall_mm", "nodes", "paths", "mesh", "surface_percent", "force_percent", "off_percent",
     "train_cpu_s",
 )  # fmt: skip
-
-
-def some_nodes(library: Library, keep: Sequence[int]) -> Library:
-    """The library with some of its nodes."""
-
-    def part(states):
-        return replace(states, **{name: getattr(states, name)[list(keep)] for name in states.__dataclass_fields__})
-
-    return replace(
-        library, ratios=library.ratios[list(keep)], curves=library.curves[list(keep)], travel=part(library.travel),
-        standing=part(library.standing),
-    )  # fmt: skip
 
 
 def surface_percent(library: Library, design: Design) -> float:
@@ -115,7 +102,7 @@ def by_study() -> list[dict[str, Any]]:
     for left, design in enumerate(NODES):
         if left in FIRST:
             continue
-        served = some_nodes(library, [k for k in range(len(NODES)) if k != left])
+        served = without(library, left)
         quick, full = (_figures(design, which) for which in (served, library))
         for name, value in full.items():
             off = 100 * (quick[name] / value - 1)

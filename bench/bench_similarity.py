@@ -16,6 +16,7 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -77,17 +78,21 @@ def errors(model: WrenchModel, test: Samples) -> Errors:
     return Errors(force, torque, float((np.abs(off) < 1.96 * sigma).mean()))
 
 
-def without(library: Library, node: int) -> Library:
-    """The library less one of its nodes."""
-    keep = np.arange(len(library.ratios)) != node
+def some_nodes(library: Library, keep: Sequence[int]) -> Library:
+    """The library with some of its nodes."""
 
     def part(states):
-        return replace(states, **{name: getattr(states, name)[keep] for name in states.__dataclass_fields__})
+        return replace(states, **{name: getattr(states, name)[list(keep)] for name in states.__dataclass_fields__})
 
     return replace(
-        library, ratios=library.ratios[keep], curves=library.curves[keep], travel=part(library.travel),
+        library, ratios=library.ratios[list(keep)], curves=library.curves[list(keep)], travel=part(library.travel),
         standing=part(library.standing),
     )  # fmt: skip
+
+
+def without(library: Library, node: int) -> Library:
+    """The library less one of its nodes."""
+    return some_nodes(library, [k for k in range(len(library.ratios)) if k != node])
 
 
 class Alone:

@@ -2,8 +2,8 @@
 
 On D = 130, T = 8, tilt 30, half model, processor time on one core: mesh density and element against the converged mesh,
 contact penalty against the stiffest, both factorisations in the same run, and the levels against level 1 on the mesh
-``data``, on a path and at a friction that level 3 has not seen (level 4 where build/library.npz lies, as
-``python -m sensing.simulator.verification --only library`` leaves it). Minutes.
+``data``, on a path and at a friction that level 3 has not seen (level 4 takes forces where this path has travel: the
+verification report judges it). Minutes.
 """
 
 from __future__ import annotations
@@ -21,14 +21,12 @@ from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Press, Target
-from sensing.simulator.reduced.library import Library
 from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES, MeshDensity
 from sensing.simulator.solid.shell import ShellModel, shell_model
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 from sensing.simulator.solid.system import factorise, factorise_sparse
-from sensing.simulator.verification.levels import LIBRARY
 from sensing.simulator.verification.reduced import ABOVE_N, UNSEEN_FRICTION, unseen_path
 
 FORCES_N = (2.0, 5.0, 10.0, 20.0, 35.0)
@@ -135,17 +133,6 @@ def level_rows() -> list[dict]:
         exact = exact or states
         own = sum(state.level == level for state in states)
         found.append(level_row(name, seconds, answered[name], answered["1"], exact, own))
-    if LIBRARY.exists():
-        library = Library.load(LIBRARY)
-        dots = simulator.surface.sampler(dot_directions(GEOMETRY))
-        modes = np.array([dots.sample(mode) for mode in library.modes])
-        tilt, normal = np.full(len(exact), TILTED.tilt_deg), np.array([s.normal_n for s in exact])
-        pull, repeats = np.array([s.tangential_n for s in exact]), 400
-        begin = time.process_time()
-        many = library.states(np.tile(tilt, repeats), np.tile(normal, repeats), np.tile(pull, (repeats, 1)))
-        markers = library.fields(many.weights, modes)[: len(exact)]
-        seconds = (time.process_time() - begin) / len(exact) / repeats
-        found.append(level_row("4", seconds, list(markers), answered["1"], exact, int(many.inside[: len(exact)].sum())))
     return found
 
 

@@ -23,7 +23,8 @@ import numpy as np
 from sensing.camera.mount import MountedCamera
 from sensing.learning.contenders import RELEASED_SHAPE, read_all
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.fitting import as_net, fit
+from sensing.learning.fitting import fit
+from sensing.learning.net import as_net
 from sensing.learning.paper_recipe import random_split, train_paper_model
 from sensing.learning.ridge import fit_ridge
 from sensing.learning.samples import MARKERS, Samples

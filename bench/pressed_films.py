@@ -9,6 +9,7 @@ endcap, ``truth.csv`` the wrench at the endcap's origin. N, N m, s, degrees.
 from __future__ import annotations
 
 import csv
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,13 +63,15 @@ class Film:
 
 
 def pressed_film(folder: Path, recipe: Recipe, targets: Sequence[Target | None], began_s: float = -1.0) -> Film:
-    """The film of a path, from ``folder`` where an earlier run left it.
+    """The film of a path, from where an earlier run of the same recipe and path left it.
 
     Args:
-        folder: of the pictures. recipe: what is pressed.
+        folder: of the pictures; its name is followed by a digest of what follows. recipe: what is pressed.
         targets: one a picture, with times; None (at the start) shows the untouched endcap.
         began_s: time until which the shell was untouched and at rest, s.
     """
+    what = hashlib.sha256(repr((recipe, list(targets), began_s)).encode()).hexdigest()
+    folder = folder.with_name(f"{folder.name}_{what[:12]}")
     if not (folder / "truth.csv").exists():
         _make(folder, recipe, targets, began_s)
     with (folder / "truth.csv").open(newline="") as stream:

@@ -7,11 +7,11 @@ from typing import Any
 from cad.materials import silicone
 from endcap.endcap import Endcap
 from sensing.simulator import levels
-from sensing.simulator.solid.geometry import shell_geometry
+from sensing.simulator.solid.geometry import ShellGeometry
 
 
 class Simulator(levels.Simulator):
-    """A shell that can be pressed (:class:`sensing.simulator.levels.Simulator`).
+    """A shell that can be pressed, with its dots (:class:`sensing.simulator.levels.Simulator`).
 
     Args:
         endcap: by default D130_T8 of the default silicone.
@@ -24,5 +24,5 @@ class Simulator(levels.Simulator):
 
     def __init__(self, endcap: Endcap | None = None, density: str = "data", level: int = 2, **more: Any) -> None:
         self.endcap = endcap or Endcap()
-        geometry = shell_geometry(self.endcap.params.diameter_mm, self.endcap.params.wall_mm)
+        geometry = ShellGeometry.from_params(self.endcap.params)
         super().__init__(geometry, silicone(self.endcap.silicone).neo_hooke(), density, level, **more)

@@ -33,7 +33,7 @@ from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG, show
 from cad.whole_file import replace_file, require_place
 from sensing.arguments import whole
-from sensing.evaluation.cells import RANGE_N, Cell, cell_tables, cells, cells_csv
+from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
 from sensing.learning.found_camera import camera_of_set
@@ -112,7 +112,6 @@ def evaluate(
     assert live is not None
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=live.shape) if train else None
-    range_n = RANGE_N if network is None else float(network.about.get("range_n", RANGE_N))
     comparisons = {} if training is None else fitted(training, network, paper_epochs)
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
@@ -123,10 +122,10 @@ def evaluate(
         test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=live.radial)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
-        tables |= {f"{name}, {Path(folder).name}": cells(given, range_n) for name, given in ours.items()}
+        tables |= {f"{name}, {Path(folder).name}": cells(given, live.load_scale) for name, given in ours.items()}
         answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
         answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
-        found |= _scores(answers, test, Path(folder).name)
+        found |= _scores(answers, test, Path(folder).name, live.load_scale)
         found |= {} if network is None else _filtered(network, test, LabelledSet(folder))
     return found, tables
 
@@ -167,7 +166,7 @@ def cross_validate(
         rest, held = held_out(views, what, seed)
         assert rest.markers is not None
         ours = fit(rest.markers, FitConfig(epochs=HOLDOUT_EPOCHS, seed=seed), pictures=rest.dots)
-        found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}")
+        found |= _scores(fitted(rest, ours, paper_epochs, seed), held, f"leave out {what}", ours.load_scale)
     return found
 
 
@@ -189,7 +188,7 @@ def _answer(given: LiveAnswers) -> Answer:
     return lambda test: (given.value, given.covariance, given.flagged)
 
 
-def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Score]:
+def _scores(answers: dict[str, Answer], test: Views, name: str, load_scale: float) -> dict[str, Score]:
     found: dict[str, Score] = {}
     for model, answer in answers.items():
         value, covariance, flagged = answer(test)
@@ -200,6 +199,7 @@ def _scores(answers: dict[str, Answer], test: Views, name: str) -> dict[str, Sco
             found[f"{model}, {name} {what}".strip()] = score(
                 value[rows], test.dots.wrenches[rows], test.dots.contact[rows],
                 None if covariance is None else covariance[rows], None if flagged is None else flagged[rows],
+                load_scale,
             )  # fmt: skip
     return found
 

@@ -208,10 +208,10 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
     path = out.with_name(f"{name}.npz")
     made_of = endcap.pipeline.endcap.identity.without("camera", "silicone")
     save_zero(replace(zero, sensor=name, made_of=made_of), path)
-    threshold = threshold_from_rest(np.array(rest), FALSE_RATE)
+    threshold = threshold_from_rest(np.array(rest), FALSE_RATE, endcap.pipeline.model.load_scale)
     on = max(LEAST_ON_N * endcap.pipeline.model.load_scale, MARGIN * threshold.on_n)
     off = min(on, max(0.6 * on, threshold.off_n))
-    say(f"{name}: {path}, contact from {on:.2f} N, over below {off:.2f} N")
+    say(f"{name}: {path}, contact from {on:.3g} N, over below {off:.3g} N")
     camera = _camera_kept(endcap, out.parent / f"{name}.json", say)
     return replace(
         endcap.pipeline.endcap, name=name, zero=path, camera=camera, contact_on_n=round(on, 3),

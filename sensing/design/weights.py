@@ -2,8 +2,7 @@
 
     model = design_weights(DesignRequest(EndcapParams(180, 10)), FitConfig())
 
-Training happens in the loads of D=130 T=8 (torques too), in which its units and regularisation were chosen; the two
-linear ends of the network then carry the scale of the design's own loads.
+States from elsewhere, as of a direct simulation, take the library's place with ``solved``.
 """
 
 from __future__ import annotations
@@ -13,17 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.pattern import rings_text
 from sensing.learning.contenders import read_all
-from sensing.learning.covered_range import covered_tilt_deg
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.radial import radial_tensors
-from sensing.learning.samples import MARKERS, SHAPE, Samples
+from sensing.learning.samples import MARKERS, SHAPE
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.similarity.labelled import (
@@ -34,7 +29,7 @@ from sensing.simulator.similarity.labelled import (
     write_labelled,
 )
 from sensing.simulator.similarity.paths import library_paths
-from sensing.simulator.similarity.ratios import REFERENCE_RADIUS_MM, LoadScale
+from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.wrench.model import WrenchModel
 
@@ -68,12 +63,6 @@ class DesignRequest:
         """Loads of this design against those of D=130 T=8."""
         geometry = shell_geometry(self.params.diameter_mm, self.params.wall_mm)
         return LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa)
-
-    @property
-    def wrench_scale(self) -> NDArray[np.float64]:
-        """(6,) factors on forces and torques."""
-        force = self.scale.force
-        return np.repeat([force, force * self.params.outer_radius_mm / REFERENCE_RADIUS_MM], 3)
 
     def data(self, render: str, azimuths: int) -> DataRequest:
         """Request of a set.
@@ -118,40 +107,11 @@ def design_weights(
             say("pictures of them, tracked")
             look = request.data("data", PICTURE_AZIMUTHS)
             write_labelled(look, with_azimuths(paths, PICTURE_AZIMUTHS), source, folder / "pictures", shell)
-            pictured = _to_reference(read_all([folder / "pictures"], "dots", SHAPE), request)
+            pictured = read_all([folder / "pictures"], "dots", SHAPE)
         say("fields of 32 domain-randomised sensors")
-        samples = _to_reference(read_all([folder / "states"], MARKERS, SHAPE), request)
+        samples = replace(read_all([folder / "states"], MARKERS, SHAPE), source="library")
         say("training")
         model = fit(samples, config, pictures=pictured)
         model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))
-    own = samples.wrenches * request.wrench_scale
-    return _to_design(model, request, covered_tilt_deg(own / request.scale.force, request.params.outer_radius_mm))
-
-
-def _to_reference(samples: Samples, request: DesignRequest) -> Samples:
-    return replace(samples, wrenches=samples.wrenches / request.wrench_scale, source="library")
-
-
-def _to_design(model: WrenchModel, request: DesignRequest, tilt_deg: float) -> WrenchModel:
-    """The network with its outputs, and what it covers, in the design's own loads.
-
-    Args:
-        model: in the loads of D=130 T=8. request: the design. tilt_deg: that training covered, by the design's radius.
-    """
-    factor, covered = request.wrench_scale, model.range
-    weights = dict(model.weights)
-    weights["linear"] = (weights["linear"] * factor[:, None]).astype(np.float32)
-    weights["units"] = (weights["units"] * factor).astype(np.float32)
-    metrics = {
-        name: [round(float(e * f), 7) for e, f in zip(rmse, factor, strict=True)]
-        for name, rmse in model.about["metrics"].items()
-    }
-    about = {
-        **model.about, "metrics": metrics, "silicone": request.silicone, "made_by": "similarity",
-        "range_n": round(request.scale.top_n, 3),
-    }  # fmt: skip
-    covered = replace(
-        covered, force_n=covered.force_n * factor[0], rest_px_per_n=covered.rest_px_per_n / factor[0],
-        tilt_deg=tilt_deg, interval_n=covered.interval_n * factor[0],
-    )  # fmt: skip
-    return replace(model, weights=weights, about=about, range=covered)
+    about = {"silicone": request.silicone, "made_by": "similarity", "range_n": round(request.scale.top_n, 3)}
+    return replace(model, about=model.about | about)

@@ -16,10 +16,9 @@ from sensing.learning.scores import AXES
 from sensing.wrench.range import NORMAL_95
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
-LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, for a range of 35 N
-FAR_N = 1.0  # error of fz from which an answer without a flag misleads
+LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, at D=130 T=8
+FAR_N = 1.0  # error of fz from which an answer without a flag misleads, at D=130 T=8
 LEAST_WIDTH = 13  # characters of a column of the tables
-RANGE_N = 35.0  # P, NET22: of the released weights
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Cell:
         tilt_deg, load_n: (from, to); NaN tilts where the set does not state them.
         frames: how many. rmse, bias: (6,) by axis, N and N m.
         coverage: fraction of axes within 1.96 standard deviations. flagged: fraction of frames with a flag.
-        far, far_flagged: frames whose fz is off by more than :data:`FAR_N`, and how many of them have a flag.
+        far_n: error of fz that is far off. far, far_flagged: frames that are, and how many of them have a flag.
         centre_deg, normal_deg: medians by which contact centre and normal are off; NaN where the plane is not known.
     """
 
@@ -41,6 +40,7 @@ class Cell:
     bias: NDArray[np.float64]
     coverage: float
     flagged: float
+    far_n: float
     far: int
     far_flagged: int
     centre_deg: float
@@ -57,22 +57,22 @@ class Cell:
         return flat | {"centre_deg": self.centre_deg, "normal_deg": self.normal_deg}
 
 
-def cells(answers: LiveAnswers, range_n: float = RANGE_N) -> list[Cell]:
+def cells(answers: LiveAnswers, load_scale: float = 1.0) -> list[Cell]:
     """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last.
 
     Args:
-        answers: of one model on one set. range_n: normal force to which its weights are trained; loads are parted alike
-            in every range.
+        answers: of one model on one set. load_scale: how large the endcap's forces are
+            (:mod:`sensing.wrench.load_scale`); loads are parted alike in every range.
     """
     touching = answers.take(answers.contact)
     load = np.linalg.norm(touching.truth[:, :3], axis=1)
-    edges = _edges(range_n, float(load.max(initial=0.0)))
+    edges = _edges(load_scale, float(load.max(initial=0.0)))
     found = []
     for tilt, rows in _tilts(touching.tilt_deg):
         for low, high in pairwise(edges):
             inside = rows & (load >= low) & (load < high)
             if inside.any():
-                found.append(_cell(touching.take(inside), tilt, (low, high)))
+                found.append(_cell(touching.take(inside), tilt, (low, high), FAR_N * load_scale))
     return found
 
 
@@ -82,9 +82,10 @@ def cell_tables(found: list[Cell]) -> str:
     loads.sort()
     heads = [f"{low:g} to {high:g} N" for low, high in loads]
     width = max([LEAST_WIDTH, *(len(head) + 1 for head in heads)])
-    first = max(len(f"{name}, tilt") for name in QUANTITIES)
+    quantities = {name.format(*(f"{c.far_n:.3g}" for c in found[:1])): value for name, value in QUANTITIES.items()}
+    first = max(len(f"{name}, tilt") for name in quantities)
     lines = []
-    for name, value in QUANTITIES.items():
+    for name, value in quantities.items():
         lines.append(f"{name + ', tilt':<{first}}" + "".join(f"{head:>{width}}" for head in heads))
         for tilt in tilts:
             values = {c.load_n: value(c) for c in found if c.tilt_deg == tilt}
@@ -110,7 +111,7 @@ QUANTITIES: dict[str, Callable[[Cell], str]] = {
     "contact centre off deg": lambda cell: _median(cell.centre_deg),
     "normal off deg": lambda cell: _median(cell.normal_deg),
     "flagged": lambda cell: f"{100 * cell.flagged:.1f} %",
-    f"off by {FAR_N:g} N, flagged": lambda cell: f"{cell.far_flagged} of {cell.far}" if cell.far else "-",
+    "off by {} N, flagged": lambda cell: f"{cell.far_flagged} of {cell.far}" if cell.far else "-",
     "frames": lambda cell: f"{cell.frames}",
 }
 
@@ -125,9 +126,9 @@ def cells_csv(named: dict[str, list[Cell]]) -> bytes:
     return stream.getvalue().encode()
 
 
-def _edges(range_n: float, most_n: float) -> list[float]:
+def _edges(load_scale: float, most_n: float) -> list[float]:
     """Edges of the loads, to three digits; the last is beyond every frame."""
-    edges = [float(f"{range_n / RANGE_N * edge:.3g}") for edge in LOADS_N]
+    edges = [float(f"{load_scale * edge:.3g}") for edge in LOADS_N]
     return edges if most_n < edges[-1] else [*edges[:-1], float(f"{1.01 * most_n:.3g}")]
 
 
@@ -137,14 +138,14 @@ def _tilts(tilt_deg: NDArray[np.float64]) -> Iterator[tuple[tuple[float, float],
     yield (np.nan, np.nan), np.isnan(tilt_deg)
 
 
-def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[float, float]) -> Cell:
+def _cell(answers: LiveAnswers, tilt_deg: tuple[float, float], load_n: tuple[float, float], far_n: float) -> Cell:
     error = answers.value - answers.truth
     sigma = np.sqrt(np.diagonal(answers.covariance, axis1=1, axis2=2))
-    far = np.abs(error[:, 2]) > FAR_N
+    far = np.abs(error[:, 2]) > far_n
     known = answers.place[np.isfinite(answers.place).all(axis=1), :2]
     place = np.median(known, axis=0) if len(known) else np.full(2, np.nan)
     return Cell(
         tilt_deg, load_n, len(error), np.sqrt((error**2).mean(axis=0)), error.mean(axis=0),
         float((np.abs(error) <= NORMAL_95 * sigma).mean()), float(answers.flagged.mean()),
-        int(far.sum()), int((far & answers.flagged).sum()), float(place[0]), float(place[1]),
+        far_n, int(far.sum()), int((far & answers.flagged).sum()), float(place[0]), float(place[1]),
     )  # fmt: skip

@@ -8,7 +8,7 @@ Notes:
     adds from a light touch on. Dots that have moved by a third of a pixel are off by as much as dots that have moved by
     three, and of small motions that is most of the answer's error; a network that learnt less for them is too sure
     there, and no single factor can be right for light and heavy loads. So s is the smallest that covers 95 % of the
-    frames from LIGHT_N on, t the smallest that covers 95 % of those below, and each is found with the other given,
+    frames from a light load on, t the smallest that covers 95 % of those below, and each is found with the other given,
     in turn, until both stand: more of one never needs more of the other, so from t = 0 the s fall and the t rise.
     Frames of one path are not independent, paths are: each has the same weight in both quantiles. That estimates the
     level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
@@ -43,7 +43,7 @@ from sensing.wrench.tensors import TRACKING, onset_n_of
 Array = NDArray[np.float64]
 LEVEL = 0.95
 SCALES = 1e-6, 1e6  # squares of factors: the covariance stays positive
-LIGHT_N = 5.0  # E: below it what tracking adds is most of an error, well above it is none of it
+LIGHT_N = 5.0  # E: at D=130 T=8: below it what tracking adds is most of an error, well above it is none of it
 ROUNDS = 50
 FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
 
@@ -78,7 +78,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
             name="intervals",
             value=count,
         )
-    scale, tracking = widths(_joined(answers, path), onset_n_of(model.weights))
+    scale, tracking = widths(_joined(answers, path), onset_n_of(model.weights), LIGHT_N * model.load_scale)
     weights = {
         **model.weights,
         "calibration": (model.weights["calibration"] * scale).astype(np.float32),
@@ -96,17 +96,17 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
     return replace(model, weights=weights, range=limits, about={**model.about, "intervals": record})
 
 
-def widths(answers: LiveAnswers, onset_n: float) -> tuple[Array, Array]:
+def widths(answers: LiveAnswers, onset_n: float, light_n: float = LIGHT_N) -> tuple[Array, Array]:
     """(6,) factors s on the network's standard deviations, and (6,) standard deviations t, N and N m, beside them.
 
     Args:
         answers: of a model without t; ``path`` says which frames belong together.
-        onset_n: F0, N, force by which half of t is there.
+        onset_n: F0, N, force by which half of t is there. light_n: force below which a load is light, N.
     """
     error, path = (answers.value - answers.truth) / NORMAL_95, answers.path
     own, total = (np.diagonal(c, axis1=1, axis2=2) for c in (answers.model_covariance, answers.covariance))
     left, force = error**2 - (total - own), np.linalg.norm(answers.value[:, :3], axis=1)
-    light, share = force < LIGHT_N, ((force / (force + onset_n)) ** 2)[:, None]
+    light, share = force < light_n, ((force / (force + onset_n)) ** 2)[:, None]
     if not light.any() or light.all():  # one kind of load alone: one factor
         return np.sqrt(np.clip(path_quantile(np.maximum(left, 0.0) / own, path, LEVEL), *SCALES)), np.zeros(6)
     tracking = np.zeros(6)  # squares, as scale is

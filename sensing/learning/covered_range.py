@@ -1,4 +1,4 @@
-"""What a training covered: beyond it an answer is flagged ``out_of_range`` (px, N, degrees).
+"""What a training covered: beyond it an answer is flagged ``out_of_range`` (px, degrees, N of D=130 T=8).
 
 A contact unlike those of training (a ball where planes were learned) bends the skin in ways that the principal fields
 do not hold. What they leave grows with the load, so the limit does, too.
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import Samples
 from sensing.learning.symmetry import disc_cells, moved_inputs
+from sensing.wrench.load_scale import RELEASED_RADIUS_MM
 from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import Range, contact_angle_deg, range_measures
 from sensing.wrench.tensors import pattern_of
@@ -29,8 +30,10 @@ def covered_range(
     """Range of weights, from the samples that they learned from.
 
     Args:
-        weights: tensors by name. samples: learned from. config: says which symmetries were used.
-        side: cells along one side of the square grid. start: weights that were fine-tuned; what they knew stays known.
+        weights: tensors by name. samples: learned from, in the loads of D=130 T=8
+            (:mod:`sensing.learning.reference_loads`). config: says which symmetries were used.
+        side: cells along one side of the square grid. start: weights that were fine-tuned, in the same loads; what they
+            knew stays known.
     """
     principal, back = weights["principal"].astype(np.float64), pattern_of(weights)
     measures = []
@@ -42,7 +45,7 @@ def covered_range(
     size = np.linalg.norm(samples.wrenches[:, :3], axis=1)
     least, slope = _left(left, size)
     force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
-    tilt = covered_tilt_deg(samples.wrenches, samples.design.outer_radius_mm)
+    tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, RELEASED_RADIUS_MM), OFTEN_ENOUGH))
     if start is not None:  # what it knew before, it still knows
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
@@ -50,15 +53,6 @@ def covered_range(
             least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
     cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
     return Range(distance, least, cells, force, tilt, slope)
-
-
-def covered_tilt_deg(wrenches: Array, radius_mm: float) -> float:
-    """Largest polar angle of a contact that counts as learnt.
-
-    Args:
-        wrenches: (N, 6) that training saw, N and N m about the sphere's centre. radius_mm: of the sphere.
-    """
-    return 2.0 + float(np.quantile(contact_angle_deg(wrenches, radius_mm), OFTEN_ENOUGH))
 
 
 def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:

@@ -2,7 +2,8 @@
 
 Paths are parted three ways: training, validation (which epoch is best, and more data for the covariance), calibration
 (how wide the covariance must be), so that nothing is judged on what it was fitted to. Each axis counts in its own unit
-(:data:`sensing.learning.ridge.UNITS`), and errors under load count less (:func:`sensing.wrench.model.tolerance`).
+(:data:`sensing.learning.ridge.UNITS`), and errors under load count less (:func:`sensing.wrench.model.tolerance`), in
+the loads of D=130 T=8 whatever the endcap (:mod:`sensing.learning.reference_loads`).
 Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
 
 Notes:
@@ -28,17 +29,18 @@ from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
 from sensing.learning.covered_range import covered_range
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.net import Bent, WrenchNet, negative_log_likelihood
+from sensing.learning.net import Bent, WrenchNet, as_net, negative_log_likelihood
 from sensing.learning.path_quantile import path_quantile
 from sensing.learning.principal import leading, pattern_tensor, principal_fields
 from sensing.learning.provenance import provenance
+from sensing.learning.reference_loads import in_reference_loads, rescaled, wrench_scale
 from sensing.learning.ridge import UNITS
 from sensing.learning.samples import MARKERS, Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import WrenchModel, tolerance
 from sensing.wrench.range import NORMAL_95
 from sensing.wrench.simulation_spread import SIMULATED
-from sensing.wrench.tensors import BESIDE, RADIAL
+from sensing.wrench.tensors import RADIAL
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
@@ -75,6 +77,9 @@ def fit(
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
     """
+    unit, origin = wrench_scale(samples), provenance(samples, config, start, others)
+    samples, start = in_reference_loads(samples), start and rescaled(start, 1 / wrench_scale(start))
+    pictures, others = (part and in_reference_loads(part) for part in (pictures, others))
     height, width = samples.fields.shape[2:]
     if height != width:
         raise ParameterError(f"field of {height}x{width}: the symmetries need a square one", name="shape")
@@ -83,9 +88,8 @@ def fit(
     torch.manual_seed(config.seed)
     net = _prepared(train, config, height) if start is None else _started(start, train, config.components)
     net.to(config.device)
-    kept = Checkpoint(
-        checkpoint, f"{asdict(config)} {samples.digest} {start.about if start else None} {others and others.digest}"
-    )
+    of = f"{asdict(config)} {samples.digest} {start.about if start else None} {others and others.digest}"
+    kept = Checkpoint(checkpoint, of)
     parts = _parts(net, train, config)
     bent = _fit_mean(net, parts, _parts(net, validation, config, 1), config, progress, kept)
     seen = [parts, _parts(net, validation, config), *([] if others is None else [_parts(net, others, config)])]
@@ -93,29 +97,17 @@ def fit(
     bent.into(net)
     net.cpu().eval()
     kept.remove()
-    views = [view.take(np.isin(view.path, calibration.path)) for view in (pictures, samples) if view is not None]
-    _calibrate(net, next(view for view in views if len(view)))
+    _calibrate(net, [view for view in (pictures, samples) if view is not None], calibration.path)
     about = {
-        "training": provenance(samples, config, start, others),
+        "training": origin,
         SIMULATED: samples.method == MARKERS,
-        "metrics": {"validation_rmse": _rmse(net, validation), "calibration_rmse": _rmse(net, calibration)},
+        "metrics": {"validation_rmse": _rmse(net, validation, unit), "calibration_rmse": _rmse(net, calibration, unit)},
     }
-    weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
-    weights |= {} if start is None else {name: value for name, value in start.weights.items() if name in RADIAL}
-    weights |= pattern_tensor(weights["principal"], train, start.weights if start else None)
+    weights = _tensors(net, train, start)
     covered = covered_range(weights, rest, config, height, start)
+    covered = covered if others is None else replace(covered, interval_n=LARGEST_INTERVAL_N)
     model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
-    return model if others is None else replace(model, range=replace(covered, interval_n=LARGEST_INTERVAL_N))
-
-
-def as_net(model: WrenchModel) -> WrenchNet:
-    """The torch twin of a model, for training and export."""
-    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in BESIDE}
-    components, inputs = model.weights["principal"].shape
-    widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
-    net = WrenchNet(inputs, components, *widths, len(model.layers))
-    net.load_state_dict({"tracking": net.tracking, **weights})
-    return net.eval()
+    return rescaled(model, unit)
 
 
 def _prepared(train: Samples, config: FitConfig, side: int) -> WrenchNet:
@@ -125,6 +117,12 @@ def _prepared(train: Samples, config: FitConfig, side: int) -> WrenchNet:
     net.units.copy_(torch.from_numpy(UNITS))
     net.linear.copy_(torch.from_numpy(_straight(train, principal, side)))
     return net
+
+
+def _tensors(net: WrenchNet, train: Samples, start: WrenchModel | None) -> dict[str, NDArray[np.float32]]:
+    weights = {name: value.detach().cpu().numpy().astype(np.float32) for name, value in net.state_dict().items()}
+    weights |= {} if start is None else {name: value for name, value in start.weights.items() if name in RADIAL}
+    return weights | pattern_tensor(weights["principal"], train, start.weights if start else None)
 
 
 def _straight(samples: Samples, principal: Array, side: int) -> Array:
@@ -283,7 +281,10 @@ def _descend(
     kept.finish(name, part)
 
 
-def _calibrate(net: WrenchNet, held: Samples) -> None:
+def _calibrate(net: WrenchNet, views: list[Samples], paths: NDArray[np.str_]) -> None:
+    """Scale the covariance on the first of the views that shows some of the paths."""
+    parts = [view.take(np.isin(view.path, paths)) for view in views]
+    held = next(part for part in parts if len(part))
     with torch.inference_mode():
         value, factor = net(torch.from_numpy(held.inputs.astype(np.float32)))
         sigma = factor.square().sum(2).sqrt()
@@ -292,7 +293,8 @@ def _calibrate(net: WrenchNet, held: Samples) -> None:
     net.calibration.copy_(torch.from_numpy(np.clip(scale, 1e-3, 1e3)))
 
 
-def _rmse(net: WrenchNet, samples: Samples) -> list[float]:
+def _rmse(net: WrenchNet, samples: Samples, unit: Array) -> list[float]:
     with torch.inference_mode():
         value = net(torch.from_numpy(samples.inputs.astype(np.float32)))[0].double().numpy()
-    return [round(float(e), 5) for e in np.sqrt(((value - samples.wrenches) ** 2).mean(axis=0))]
+    errors = np.sqrt(((value - samples.wrenches) ** 2).mean(axis=0))
+    return [round(round(float(e), 5) * float(one), 7) for e, one in zip(errors, unit, strict=True)]

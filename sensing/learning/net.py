@@ -17,8 +17,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
-from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD
-from sensing.wrench.tensors import ONSET
+from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel
+from sensing.wrench.tensors import BESIDE, ONSET
 
 OUTPUTS = 6
 FACTOR = 21  # of a lower triangle
@@ -113,6 +113,16 @@ class Anchored(nn.Module):
             layer = getattr(self, name)
             z = silu(linear(z, layer.weight) + layer.bias) - silu(layer.bias)
         return self.last(z)
+
+
+def as_net(model: WrenchModel) -> WrenchNet:
+    """The torch twin of a model, for training and export."""
+    weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in BESIDE}
+    components, inputs = model.weights["principal"].shape
+    widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])
+    net = WrenchNet(inputs, components, *widths, len(model.layers))
+    net.load_state_dict({"tracking": net.tracking, **weights})
+    return net.eval()
 
 
 def negative_log_likelihood(residual: Tensor, factor: Tensor) -> Tensor:

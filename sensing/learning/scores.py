@@ -16,8 +16,8 @@ from sensing.wrench.range import NORMAL_95
 
 Array = NDArray[np.float64]
 AXES = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-CONTACT_N = 0.3  # contact counts from this true force on
-DIRECTION_N = 1.0  # direction is judged from this true force on
+CONTACT_N = 0.3  # contact counts from this true force on, at D=130 T=8
+DIRECTION_N = 1.0  # direction is judged from this true force on, likewise
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Score:
 
     Attributes:
         count: N. rmse, mae: (6,) by axis. mixed_mse: mean over samples and axes.
-        direction_deg: median angle between true and reported force, from 1 N on.
+        direction_deg: median angle between true and reported force, from ``DIRECTION_N`` on.
         precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
         rest_n: largest force norm reported where nothing touches.
         coverage: share of axes within 1.96 standard deviations. flagged: share out of range.
@@ -58,12 +58,14 @@ def score(
     contact: NDArray[np.bool_],
     covariance: Array | None = None,
     flagged: NDArray[np.bool_] | None = None,
+    load_scale: float = 1.0,
 ) -> Score:
     """Score answers (N, 6) against the truth (N, 6).
 
     Args:
         reported, truth: wrenches. contact: (N,) whether anything touches.
         covariance: (N, 6, 6). flagged: (N,) out of range.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Raises:
         ParameterError: shapes that do not fit, or answers that are not finite.
@@ -78,9 +80,9 @@ def score(
         )
     error = reported - truth
     force, true_force = np.linalg.norm(reported[:, :3], axis=1), np.linalg.norm(truth[:, :3], axis=1)
-    clear = (true_force >= DIRECTION_N) & (force > 0)
+    clear = (true_force >= DIRECTION_N * load_scale) & (force > 0)
     cosine = (reported[clear, :3] * truth[clear, :3]).sum(axis=1) / (force * true_force)[clear]
-    said, real = force >= CONTACT_N, true_force >= CONTACT_N
+    said, real = (norm >= CONTACT_N * load_scale for norm in (force, true_force))
     hits = float((said & real).sum())
     coverage = float("nan")
     if covariance is not None:

@@ -16,14 +16,12 @@ from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
 LAG_FRAMES = 10  # least that a lag is looked for in
-MOVING_N = 1.0  # least standard deviation of the force, likewise
+MOVING_N = 1.0  # least standard deviation of the force, likewise, at D=130 T=8
 
 Array = NDArray[np.float64]
 
 
-def filtered_score(
-    model: WrenchModel, test: Samples, latency_s: float, config: FilterConfig | None = None, predict: bool = True
-) -> Score:
+def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict: bool = True) -> Score:
     """Score of the filter's answers at capture time plus latency, against the truth at that time.
 
     Args:
@@ -31,12 +29,15 @@ def filtered_score(
         latency_s: from capture to answer. predict: False leaves the lag in: the answer of capture time comes late.
     """
     value, covariance = model.predict(test.inputs)
+    config, moving_n = FilterConfig().scaled(model.load_scale), MOVING_N * model.load_scale
     answers = [
         _answers(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)
     ]
     reported, truth, spread, contact, _ = map(np.concatenate, zip(*answers, strict=True))
-    lags = [lag for reported_, truth_, _, _, now in answers if np.isfinite(lag := _lag_of_run(reported_, truth_, now))]
-    return replace(score(reported, truth, contact, spread), lag_s=float(np.median(lags)) if lags else float("nan"))
+    found = [_lag_of_run(reported_, truth_, now, moving_n) for reported_, truth_, _, _, now in answers]
+    lags = [lag for lag in found if np.isfinite(lag)]
+    scored = score(reported, truth, contact, spread, load_scale=model.load_scale)
+    return replace(scored, lag_s=float(np.median(lags)) if lags else float("nan"))
 
 
 def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
@@ -68,13 +69,13 @@ def _answers(
     return np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6)), contact, now
 
 
-def _lag_of_run(reported: Array, truth: Array, times_s: Array) -> float:
+def _lag_of_run(reported: Array, truth: Array, times_s: Array, moving_n: float) -> float:
     """Lag of the force that moves most; NaN where none moves, or frames are few or missing."""
     steps = np.diff(times_s)
     if len(steps) < LAG_FRAMES or steps.max() > 1.5 * np.median(steps):
         return float("nan")
     axis = int(truth[:, :3].std(axis=0).argmax())
-    return lag_s(reported[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > MOVING_N else float("nan")
+    return lag_s(reported[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > moving_n else float("nan")
 
 
 def lag_s(reported: Array, truth: Array, times_s: Array) -> float:

@@ -30,7 +30,7 @@ from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 CONFIDENCE = 0.95
 TAIL = 0.10  # share of the samples that counts as tail
 LEAST_TAIL = 8  # independent samples in it
-LEAST_ON_N = 0.02  # M: twice the most that lamps 30 % off make of an untouched D=130 (bench_wrench_rest.py)
+LEAST_ON_N = 0.02  # M: twice the most that lamps 30 % off make of an untouched D=130 T=8 (bench_wrench_rest.py)
 RELEASE_SHARE = 0.6  # E: contact ends below this share of the way from rest to the threshold
 
 
@@ -73,12 +73,15 @@ class ContactState:
     known: bool
 
 
-def threshold_from_rest(forces_n: ArrayLike, false_positive_rate: float = 1e-3) -> ContactThreshold:
+def threshold_from_rest(
+    forces_n: ArrayLike, false_positive_rate: float = 1e-3, load_scale: float = 1.0
+) -> ContactThreshold:
     """Threshold that an untouched endcap passes at most at the stated rate, with 95 % confidence.
 
     Args:
         forces_n: (N, 3) force of consecutive frames of an interval without contact.
         false_positive_rate: of single frames.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Raises:
         ParameterError: a rate outside 1e-9..0.1, forces that are not finite, or too short an interval.
@@ -112,7 +115,7 @@ def threshold_from_rest(forces_n: ArrayLike, false_positive_rate: float = 1e-3) 
     else:
         on = float(norm[min(len(norm) - 1, int(np.ceil(len(norm) * (1 - allowed / independent))) - 1)])
     rest = float(np.median(norm))
-    on = max(float(np.nextafter(on, np.inf)), LEAST_ON_N)
+    on = max(float(np.nextafter(on, np.inf)), LEAST_ON_N * load_scale)
     return ContactThreshold(on, rest + RELEASE_SHARE * (on - rest), false_positive_rate, independent, extrapolated)
 
 

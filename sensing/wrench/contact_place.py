@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sensing.frames import MM_PER_M
 
-LEAST_FORCE_N = 0.05  # below it the line of action is noise
+LEAST_FORCE_N = 0.05  # at D=130 T=8: below it the line of action is noise
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,17 @@ class PressureCentre:
 
 
 def line_of_action(
-    force: NDArray[np.float64], torque: NDArray[np.float64], radius_mm: float, centre_height_mm: float
+    force: NDArray[np.float64],
+    torque: NDArray[np.float64],
+    radius_mm: float,
+    centre_height_mm: float,
+    load_scale: float = 1.0,
 ) -> PressureCentre:
     """Where the line of a force enters the sphere.
 
     Args:
         force: (3,) N. torque: (3,) N m about the sphere's centre. radius_mm: of the sphere. centre_height_mm: its
-            centre's z.
+            centre's z. load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Notes:
         Torque t of a force f at r is r x f. The line's foot is r0 = f x t / |f|^2, and r = r0 - sqrt(R^2 - |r0|^2)
@@ -47,7 +51,7 @@ def line_of_action(
     """
     (fx, fy, fz), (tx, ty, tz) = force.tolist(), torque.tolist()  # plain floats: a tenth of numpy's time
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if not norm >= LEAST_FORCE_N:
+    if not norm >= LEAST_FORCE_N * load_scale:
         return PressureCentre(np.full(3, np.nan), float("nan"), float("nan"))
     lever = MM_PER_M / norm**2
     foot = (fy * tz - fz * ty) * lever, (fz * tx - fx * tz) * lever, (fx * ty - fy * tx) * lever

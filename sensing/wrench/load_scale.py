@@ -10,9 +10,10 @@ Notes:
 
 from __future__ import annotations
 
+from cad.identity import Identity
 from cad.materials import silicone
 
-RELEASED_WALL_MM = 8.0  # E, GEO23
+RELEASED_WALL_MM, RELEASED_RADIUS_MM = 8.0, 65.0  # E, GEO23; P, GEO01
 
 
 def load_scale(wall_mm: float, shear_mpa: float) -> float:
@@ -22,3 +23,13 @@ def load_scale(wall_mm: float, shear_mpa: float) -> float:
         wall_mm: thickness of its wall. shear_mpa: shear modulus of its silicone.
     """
     return shear_mpa * wall_mm**2 / (silicone().neo_hooke().shear_mpa * RELEASED_WALL_MM**2)
+
+
+def shear_mpa_of(made_of: Identity | None) -> float:
+    """Shear modulus of the silicone of an endcap; that of the default one where its file does not say it.
+
+    Args:
+        made_of: what the endcap is made of.
+    """
+    values = None if made_of is None else made_of.aspects.get("silicone")
+    return 2 * float(values["c10_mpa"]) if values else silicone().neo_hooke().shear_mpa

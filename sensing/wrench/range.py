@@ -70,7 +70,8 @@ def contact_angle_deg(wrenches: Array, radius_mm: float) -> Array:
     """(N,) polar angle from the tip at which the line of action of wrenches (N, 6) leaves the sphere; 0 below 1 N.
 
     Args:
-        wrenches: on the endcap about the sphere's centre, N and N m. radius_mm: of the sphere.
+        wrenches: on the endcap about the sphere's centre, in the loads of D=130 T=8, N and N m.
+        radius_mm: of the sphere; 65 in those loads.
     """
     return np.asarray(contact_angles(np.ascontiguousarray(wrenches, float), radius_mm, LEAST_FORCE_N))
 

@@ -12,6 +12,7 @@ import pytest
 from pictured_set import write_set
 
 import endcap
+from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from endcap import Endcap
 from endcap.command import main
@@ -51,6 +52,14 @@ def test_every_block_is_run_below():
 
 def test_an_endcap():
     run("An endcap")
+
+
+def test_an_endcap_of_its_own_dots_is_pressed_with_them():
+    """What its simulator says of the dots is said of those that its camera sees."""
+    own = Endcap(130, 8, dots="1-6-10-12-16", dot_mm=6)
+    simulator, dots = own.simulator("draft"), dot_pattern(own.params)
+    assert len(dots) != len(dot_pattern(Endcap(130, 8).params))
+    assert simulator.markers(simulator.press(5.0, 20.0)).shape == (len(dots), 3) and simulator.geometry.dot_mm == 6
 
 
 def test_what_it_will_feel(folder, capsys):

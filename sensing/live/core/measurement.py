@@ -73,7 +73,6 @@ class Measurement:
         self._endcap, self._model, self._used, self._number, self._epoch = endcap, model, reference, number, epoch
         self._check, self._simulated = check, learned_from_simulation(model.estimator)
         self._to_endcap = wrench_adjoint(inverse(T_sphere_endcap(endcap.params)))
-        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm
         self._stiffness = Stiffness(endcap.gain, endcap.gain_sd)
         self._plane = PlaneContactLaw(endcap.params, endcap.gain * shear_mpa_of(model.estimator))
         digest = weights_digest(model.estimator) if endcap.gain_weights else ""
@@ -87,6 +86,7 @@ class Measurement:
         if self._own_weight is not None:
             self._own_weight.change_g = np.array(kept.own_weight_g)
         scale = endcap.gain * model.load_scale
+        self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm, scale
         self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms)
         self._filter = WrenchFilter(FilterConfig().scaled(scale))
         threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)

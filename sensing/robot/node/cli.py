@@ -52,6 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the options ask for; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
+        if options.no_page and options.port is not None:
+            raise ParameterError("--port has no effect with --no-page: leave one of them out", name="port")
         return _replay(options) if options.replay is not None else _run(options)
     except EndcapError as error:
         LOG.error(f"sensing.robot: {error}")
@@ -201,8 +203,9 @@ def _start_page(shown: Sequence[RobotPage | RobotTopics], lines: Lines) -> None:
 def _replay(options: argparse.Namespace) -> int:
     from sensing.robot.node.replay import Recording
 
-    others = ("config", "record", "endcaps", "wrench_sd")
-    given = [name.replace("_", "-") for name in (*SIMULATED_ONLY, *others) if getattr(options, name) is not None]
+    others = ("config", "live", "record", "endcaps", "wrench_sd", "ros", "port")
+    asked = {name: getattr(options, name) for name in (*SIMULATED_ONLY, *others)}
+    given = [name.replace("_", "-") for name, value in asked.items() if value is not None and value is not False]
     if given:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)

@@ -147,7 +147,7 @@ def reduced_model(
     solid, surface = model.solid, model.surface
     loads = np.array([state.normal_n for state in states])
     fields = np.array([state.displacement for state in states]) / loads[:, None, None]
-    parts = [fields] if model.half else [_mirrored(model, fields, sign) for sign in (1.0, -1.0)]
+    parts = [fields] if model.half else [mirrored(solid.mesh.points, fields, sign) for sign in (1.0, -1.0)]
     basis = _principal([np.array([solid.gather(field) for field in part]) for part in parts], modes)
     nodal = np.array([solid.spread(column) for column in basis.T])  # (m, n, 3)
     cells, weights = _cubature(model, nodal, states, cubature_error)
@@ -203,10 +203,14 @@ def _winding(rng: np.random.Generator, states: int, half: bool) -> list[tuple[fl
     return path
 
 
-def _mirrored(model: ShellModel, fields: Array, sign: float) -> Array:
-    """Part of nodal fields (s, n, 3) that is symmetric (sign 1) or antisymmetric (-1) in y = 0."""
+def mirrored(points: Array, fields: Array, sign: float) -> Array:
+    """Part of fields (s, n, 3) that is symmetric (sign 1) or antisymmetric (-1) in y = 0.
+
+    Args:
+        points: (n, 3) where they are known, each with its mirror image. fields: (s, n, 3). sign: which part.
+    """
     mirror = np.array([1.0, -1.0, 1.0])
-    _, twin = cKDTree(model.solid.mesh.points).query(model.solid.mesh.points * mirror)
+    _, twin = cKDTree(points).query(points * mirror)
     return (fields + sign * fields[:, twin] * mirror) / 2
 
 

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
@@ -30,12 +29,12 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal
+from sensing.simulator.reduced.basis import mirrored
 from sensing.simulator.reduced.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
 from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import Index
-from sensing.simulator.solid.surface import InnerSurface
 
 TILTS_DEG = (0.0, 7.0, 17.0, 28.0, 39.0, 48.0, 54.0)  # denser at the ends, against the wiggles of Runge
 NORMAL_N = (1.0, 38.0)
@@ -123,8 +122,8 @@ def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Li
     scalars = np.array([_scalars(s.state) for s in samples])
     parities = []
     for columns, field, of in (
-        (slice(0, even_count), _mirrored(simulator.surface, fields, 1.0), slice(0, len(SCALARS_EVEN))),
-        (slice(even_count, None), _mirrored(simulator.surface, fields, -1.0), slice(len(SCALARS_EVEN), None)),
+        (slice(0, even_count), mirrored(simulator.surface.position, fields, 1.0), slice(0, len(SCALARS_EVEN))),
+        (slice(even_count, None), mirrored(simulator.surface.position, fields, -1.0), slice(len(SCALARS_EVEN), None)),
     ):
         modes, weights = _modes(field)
         parities.append(_Parity(terms[:, columns], below[columns], modes, weights, scalars[:, of]))
@@ -200,13 +199,6 @@ def _powers(degree: int) -> tuple[Index, int]:
     known = [p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree]
     even = [p for p in known if p[2] % 2 == 0]
     return np.array(even + [p for p in known if p[2] % 2]), len(even)
-
-
-def _mirrored(surface: InnerSurface, fields: Array, sign: float) -> Array:
-    """Part of fields (s, k, 3) that is symmetric (sign 1) or antisymmetric (-1) in the mirror plane."""
-    mirror = np.array([1.0, -1.0, 1.0])
-    _, twin = cKDTree(surface.position).query(surface.position * mirror)
-    return (fields + sign * fields[:, twin] * mirror) / 2
 
 
 def _modes(fields: Array) -> tuple[Array, Array]:

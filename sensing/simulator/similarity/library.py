@@ -11,11 +11,9 @@ Wendland 2005, doi:10.1017/CBO9780511617539), as one blend of nodes for all numb
 
 from __future__ import annotations
 
-import hashlib
 import io
-import json
 import zipfile
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,7 @@ from numpy.typing import NDArray
 from cad.errors import FileError, ParameterError
 from cad.whole_file import replace_file
 from sensing.simulator.similarity.node import CAPACITY, LABELS, SolvedNode
-from sensing.simulator.similarity.paths import library_paths, stand_paths
+from sensing.simulator.similarity.paths import path_digest
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
@@ -34,7 +32,6 @@ FILE = Path(__file__).with_name("library.npz")
 CLAMP_SCALE = 0.5  # M: a radian of the clamp counts as so much of sqrt(T / R) (bench/bench_library.py --studies nodes)
 LEAST_COUNT = 0.15  # of the weights: a node that counts less can be done without
 LEAST_NODES = 4  # that a state needs to be interpolated
-DECIMALS = 8  # of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
 REACH = 0.015  # how far beyond the nodes' hull, in those coordinates, a shell may lie
 
 
@@ -166,23 +163,6 @@ class Library:
         counts = np.abs(weights) > LEAST_COUNT
         found[~np.isfinite(self.curves[counts]).all(axis=(0, 3))] = np.nan
         return found
-
-
-def path_digest() -> str:
-    """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved.
-
-    Numbers count to :data:`DECIMALS`: processors differ in the last bits of sums, sines and linear systems.
-    """
-    paths = [_rounded(asdict(path)) for path in [*library_paths(), *stand_paths()]]
-    return hashlib.sha256(json.dumps(paths, sort_keys=True).encode()).hexdigest()
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _rounded(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(part) for part in value]
-    return round(value, DECIMALS) + 0.0 if isinstance(value, float) else value  # + 0.0: no -0.0
 
 
 def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> Library:

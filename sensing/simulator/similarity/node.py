@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from cad.errors import FileError
 from cad.whole_file import replace_file
+from sensing.simulator.similarity.paths import path_digest
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
@@ -39,7 +42,7 @@ class SolvedNode:
 
 
 def save_node(node: SolvedNode, path: Path) -> None:
-    """Write a node, whole or not at all."""
+    """Write a node, whole or not at all, with the digest of the paths along which it was solved."""
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
@@ -48,18 +51,27 @@ def save_node(node: SolvedNode, path: Path) -> None:
         wrench=node.wrench,
         labels=node.labels,
         capacity=node.capacity,
+        paths=path_digest(),
     )
     replace_file(path, buffer.getvalue())
 
 
 def read_node(path: Path) -> SolvedNode:
-    """Read what :func:`save_node` wrote."""
-    with np.load(path, allow_pickle=False) as data:
-        wall, clamp = data["ratios"]
-        return SolvedNode(
-            ShellRatios(float(wall), float(clamp)),
-            data["surface"].astype(float),
-            data["wrench"],
-            data["labels"],
-            data["capacity"],
-        )
+    """Read what :func:`save_node` wrote.
+
+    Raises:
+        FileError: damaged, or solved along other paths than this version's.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            wall, clamp = data["ratios"]
+            surface = data["surface"].astype(float)
+            found = SolvedNode(
+                ShellRatios(float(wall), float(clamp)), surface, data["wrench"], data["labels"], data["capacity"]
+            )
+            same = str(data["paths"]) == path_digest()
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: no solved shell ({error}): delete it, and it is solved anew") from None
+    if not same:
+        raise FileError(f"{path}: solved along other paths than this version's: delete it, and it is solved anew")
+    return found

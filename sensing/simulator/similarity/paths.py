@@ -6,9 +6,12 @@ while the force swings, then unloading. Seeds and numbers are apart from those o
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +29,7 @@ TOP = (0.35, 1.15)  # of the released 35 N
 RADIUS_MM = (0.5, 4.0)  # of circles and drags, as in the static protocol
 TRAVEL_STATES = 10
 APART_MM = 2.0
+DECIMALS = 8  # of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
 FIRST_STAND = 1000  # number of the first path of the simulated robot
 
 
@@ -76,6 +80,15 @@ def stand_paths() -> list[LoadPath]:
     return [replace(scaled(path, share), number=FIRST_STAND + k) for k, path in enumerate(_released_paths())]
 
 
+def path_digest() -> str:
+    """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved.
+
+    Numbers count to :data:`DECIMALS`: processors differ in the last bits of sums, sines and linear systems.
+    """
+    paths = [_rounded(asdict(path)) for path in [*library_paths(), *stand_paths()]]
+    return hashlib.sha256(json.dumps(paths, sort_keys=True).encode()).hexdigest()
+
+
 def touching_steps(path: LoadPath) -> list[int]:
     """Numbers of the waypoints of a path that touch."""
     return [step for step, point in enumerate(path.waypoints) if point.target is not None]
@@ -83,6 +96,14 @@ def touching_steps(path: LoadPath) -> list[int]:
 
 def _released_paths() -> list[LoadPath]:
     return [plan().path(*place)[0] for place in plan().places()]
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(part) for part in value]
+    return round(value, DECIMALS) + 0.0 if isinstance(value, float) else value  # + 0.0: no -0.0
 
 
 def _circle(rng: np.random.Generator, force_n: float) -> list[Waypoint]:

@@ -137,6 +137,7 @@ def _solve(design: Design, folder: Path, known: Library | None) -> None:
     for part, paths in (("node", library_paths()), ("stands", stand_paths())):
         path, some = folder / file_name(part, design), SOME_PATHS.get(design) if part == "node" else None
         if path.exists():
+            read_node(path)  # one of other paths is refused before hours are spent on the rest
             continue
         if known is not None and len(same):
             save_node(solved_node(known, int(same[0]), part == "stands"), path)

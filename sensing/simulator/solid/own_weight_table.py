@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import silicone
 from cad.messages import LOG
-from cad.whole_file import replace_file
+from cad.whole_file import replace_file, require_place
 from sensing.simulator.similarity.nodes import NODES
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.geometry import shell_geometry
@@ -41,10 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for number, (diameter_mm, wall_mm) in enumerate(NODES):
-        LOG.info(f"D={diameter_mm:g} T={wall_mm:g} ({number + 1} of {len(NODES)})")
-        table.writerows([f"{round(float(value), 6):.7g}" for value in row] for row in rows_of(diameter_mm, wall_mm))
-    replace_file(options.out, text.getvalue().encode())
+    try:
+        require_place(options.out)
+        for number, (diameter_mm, wall_mm) in enumerate(NODES):
+            LOG.info(f"D={diameter_mm:g} T={wall_mm:g} ({number + 1} of {len(NODES)})")
+            table.writerows([f"{round(float(value), 6):.7g}" for value in row] for row in rows_of(diameter_mm, wall_mm))
+        replace_file(options.out, text.getvalue().encode())
+    except EndcapError as error:
+        LOG.error(f"sensing.simulator.solid.own_weight_table: {error}")
+        return 2
     return 0
 
 

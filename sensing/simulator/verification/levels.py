@@ -6,7 +6,6 @@ import math
 import shutil
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from sensing.simulator.solid.shell import shell_model
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 from sensing.simulator.verification import calculix as verify_calculix
 
-LIBRARY = Path("build/library.npz")  # fitted by the report where it does not lie there already
 UNSEEN_TILTS_DEG = (23.0, 50.0)  # between fitted ones
 UNSEEN_STATES, UNSEEN_SEED, UNSEEN_FRICTION = 30, 99, 0.5
 
@@ -102,12 +100,7 @@ def _walk(press: Press | FrozenPress, path: Sequence[Target]) -> tuple[list[Stat
 def level_4_section() -> str:
     """The library against level 2 on paths, tilts and a friction that it has not seen."""
     simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), "data")
-    if LIBRARY.exists():
-        library = Library.load(LIBRARY)
-    else:
-        library = library_fit.fit_library(simulator)
-        LIBRARY.parent.mkdir(exist_ok=True)
-        library.save(LIBRARY)
+    library = library_fit.fit_library(simulator)
     dots = simulator.surface.sampler(dot_directions(simulator.geometry))
     modes = np.array([dots.sample(mode) for mode in library.modes])
     rows, everything = [], []

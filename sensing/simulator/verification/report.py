@@ -1,6 +1,7 @@
 """The verification report: python -m sensing.simulator.verification writes docs/verification.md and its plots.
 
-Every number in the report is computed by the run that writes its section; --only renews chosen sections.
+Every number in the report is computed by the run that writes its section; --only renews chosen sections. A section is
+written as soon as it is computed, so that what fails later costs no other.
 """
 
 from __future__ import annotations
@@ -59,11 +60,11 @@ def main(arguments: list[str] | None = None) -> int:
             begin = time.process_time()
             title, *rest = SECTIONS[name](options.out).split("\n", 1)
             parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
+            text = [HEAD, *(f"{each}\n{parts[each]}" for each in sorted(parts, key=_place))]
+            put_file(path, "\n".join(text).encode())
     except EndcapError as error:
         LOG.error(f"sensing.simulator.verification: {error}")
         return 2
-    text = [HEAD, *(f"{title}\n{parts[title]}" for title in sorted(parts, key=_place))]
-    put_file(path, "\n".join(text).encode())
     show(path)
     return 0
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensing.evaluation.cells import LOADS_N, RANGE_N, cell_tables, cells
+from sensing.evaluation.cells import LOADS_N, cell_tables, cells
 from sensing.evaluation.live_answers import LiveAnswers
 
 
@@ -26,18 +26,18 @@ def answers(loads_n: np.ndarray, off_n: float = 0.5) -> LiveAnswers:
 @pytest.mark.parametrize("scale", [1.0, 9.766, 0.06])
 def test_loads_are_parted_alike_in_every_range(scale):
     loads = scale * np.array([2.0, 7.0, 15.0, 25.0, 35.0, 50.0])
-    found = cells(answers(loads), 35.0 * scale)
+    found = cells(answers(loads), scale)
     assert [cell.frames for cell in found] == [1] * 6
     assert np.array([cell.load_n[1] for cell in found]) == pytest.approx(scale * np.array(LOADS_N[1:]), rel=5e-3)
     assert all(cell.rmse[2] == pytest.approx(0.5) for cell in found)
     assert "35 to 45 deg" not in cell_tables(found)
 
 
-@pytest.mark.parametrize("range_n", [RANGE_N, 44.3, 341.8])
-def test_columns_stay_apart_at_every_size(range_n):
+@pytest.mark.parametrize("scale", [1.0, 1.266, 9.766])
+def test_columns_stay_apart_at_every_size(scale):
     """Also where edges have more digits than those of the released one; every row is as wide as its head."""
-    loads = range_n / RANGE_N * np.array([2.0, 7.0, 15.0, 25.0, 35.0, 59.0])
-    lines = cell_tables(cells(answers(loads), range_n)).splitlines()
+    loads = scale * np.array([2.0, 7.0, 15.0, 25.0, 35.0, 59.0])
+    lines = cell_tables(cells(answers(loads), scale)).splitlines()
     assert len({len(line) for line in lines}) == 1
     assert all(len(re.findall(r"(?<= )[\d.]+ to [\d.]+ N(?= |$)", line)) == 6 for line in lines if "tilt" in line)
 
@@ -51,3 +51,10 @@ def test_frames_far_off_are_counted_with_and_without_a_flag():
     near = answers(np.array([3.0, 3.5]), off_n=0.9)
     assert [(cell.far, cell.far_flagged) for cell in cells(far)] == [(4, 3)]
     assert "3 of 4" in cell_tables(cells(far)) and cells(near)[0].far == 0
+
+
+def test_what_is_far_off_goes_with_the_endcaps_forces():
+    """0.5 N is nothing at D=130 T=8, and twice what the softest endcap's weights may be off."""
+    soft, hard = cells(answers(np.array([0.2, 0.3])), 0.04), cells(answers(np.array([5.5, 7.0])))
+    assert (sum(cell.far for cell in soft), sum(cell.far for cell in hard)) == (2, 0)
+    assert "off by 0.04 N, flagged" in cell_tables(soft) and "off by 1 N, flagged" in cell_tables(hard)

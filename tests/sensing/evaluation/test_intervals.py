@@ -91,6 +91,17 @@ def test_what_tracking_adds_is_found_where_no_factor_alone_is_right() -> None:
     assert covered(fresh, *alone, light) < 0.93
 
 
+def test_widths_of_a_soft_endcap_are_those_of_a_hard_one_in_smaller_newtons() -> None:
+    hard, scale = tracked_answers(np.random.default_rng(1)), 0.04
+    soft = replace(
+        hard, value=scale * hard.value, truth=scale * hard.truth, covariance=scale**2 * hard.covariance,
+        model_covariance=scale**2 * hard.model_covariance,
+    )  # fmt: skip
+    factor, tracking = intervals.widths(hard, ONSET_N)
+    of_soft, added = intervals.widths(soft, scale * ONSET_N, scale * intervals.LIGHT_N)
+    assert np.allclose(of_soft, factor, rtol=1e-5) and np.allclose(added, scale * tracking, rtol=1e-5)
+
+
 def test_light_or_heavy_loads_alone_are_scaled_by_one_factor() -> None:
     answers = made_answers(np.random.default_rng(2), 30)
     light = np.linalg.norm(answers.value[:, :3], axis=1) < intervals.LIGHT_N

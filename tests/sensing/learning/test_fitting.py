@@ -7,6 +7,8 @@ import pytest
 from made_samples import SIDE, bump_fields, made_samples
 
 from cad.errors import ParameterError
+from cad.identity import identity
+from cad.params import EndcapParams
 from sensing.learning.samples import shared_between
 
 torch = pytest.importorskip("torch")
@@ -15,6 +17,7 @@ pytest.importorskip("safetensors")
 
 from sensing.learning.fit_config import FitConfig  # noqa: E402
 from sensing.learning.fitting import fit  # noqa: E402
+from sensing.learning.reference_loads import wrench_scale  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
 
@@ -148,3 +151,33 @@ def test_moments_of_the_symmetric_copies_are_those_of_the_copies(data):
     gram, moment = symmetric_moments(data.inputs, data.wrenches, SIDE)
     copies = [(moved_inputs(data.inputs, k, SIDE), moved_wrenches(data.wrenches, k)) for k in range(COUNT)]
     assert np.allclose(gram, sum(x.T @ x for x, _ in copies)) and np.allclose(moment, sum(x.T @ w for x, w in copies))
+
+
+@pytest.mark.parametrize(("design", "cast_of"), [((250, 6.5), "Ecoflex 00-30"), ((250, 25), "Smooth-Sil 950")])
+def test_training_on_a_soft_or_thick_dome_is_that_of_the_released_one_in_other_newtons(data, design, cast_of):
+    """The same fields under loads that are to that dome what they are to D=130 T=8: no unit or limit of training, not
+    even the covered angles, may depend on how large an endcap's newtons are. Fine-tuning, too."""
+    params, few = EndcapParams(*design), replace(QUICK, epochs=4)
+    blank = replace(data, design=params, identity=identity(params, cast_of))
+    factor = wrench_scale(blank)
+
+    def of_it(samples):
+        return replace(blank.take(np.arange(len(samples))), **{
+            name: getattr(samples, name) for name in ("fields", "path", "contact")
+        }, wrenches=samples.wrenches * factor)  # fmt: skip
+
+    others, later = made_samples(seed=3), made_samples(seed=5)
+    hard = [fit(data, few, others=others)]
+    soft = [fit(of_it(data), few, others=of_it(others))]
+    hard.append(fit(later, few, start=hard[0]))
+    soft.append(fit(of_it(later), few, start=soft[0]))
+    assert factor[0] < 0.04 or factor[0] > 9
+    for one, other in zip(hard, soft, strict=True):
+        (value, covariance), (found, spread) = one.predict(data.inputs), other.predict(data.inputs)
+        assert np.abs(found / factor - value).max() < 1e-3
+        assert np.allclose(spread / np.outer(factor, factor), covariance, rtol=1e-2, atol=1e-6)
+        assert other.range.tilt_deg == pytest.approx(one.range.tilt_deg, abs=1e-6)
+        assert other.range.interval_n == pytest.approx(one.range.interval_n * factor[0])
+        assert np.mean(other.out_of_range(data.inputs) == one.out_of_range(data.inputs)) > 0.99
+        rmse = [np.array(model.about["metrics"]["validation_rmse"]) for model in (one, other)]
+        assert rmse[1] == pytest.approx(rmse[0] * factor, rel=1e-2)

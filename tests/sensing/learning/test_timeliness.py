@@ -16,7 +16,9 @@ def test_lag_left_in_is_reported_and_prediction_takes_it_out():
         inputs=np.zeros((180, 1)), wrenches=np.concatenate([swing, np.zeros((90, 6))]), time_s=np.tile(time, 2),
         path=np.repeat(["a", "b"], 90), azimuth_deg=np.zeros(180), contact=np.ones(180, bool),
     )  # fmt: skip
-    model = SimpleNamespace(predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))))
+    model = SimpleNamespace(
+        load_scale=1.0, predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
+    )
     assert filtered_score(model, test, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
     assert filtered_score(model, test, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
     assert filtered_score(model, test, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
@@ -30,10 +32,34 @@ def test_late_answers_are_judged_by_the_contact_of_their_own_time():
         inputs=np.zeros((6, 1)), wrenches=truth, time_s=np.arange(6.0), path=np.full(6, "a"),
         azimuth_deg=np.zeros(6), contact=force > 0,
     )  # fmt: skip
-    model = SimpleNamespace(predict=lambda inputs: (truth, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))))
+    model = SimpleNamespace(
+        load_scale=1.0, predict=lambda inputs: (truth, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
+    )
     late = filtered_score(model, test, 1.0, predict=False)
     assert late.rest_n == pytest.approx(8.0, rel=0.01)
     assert filtered_score(model, test, 0.0, predict=False).rest_n < 0.1
+
+
+def test_the_filter_that_is_scored_is_that_of_the_endcaps_forces():
+    """As live runs it: a soft endcap's answers are those of a hard one in smaller newtons, and so are their errors."""
+    time, rng = np.arange(90) / 30, np.random.default_rng(0)
+    truth = np.outer(np.sin(4 * time), [5.0, 2.0, 8.0, 0.1, 0.2, 0.3])
+    seen = truth + 0.1 * rng.standard_normal(truth.shape)
+
+    def scored(scale):
+        test = SimpleNamespace(
+            inputs=np.zeros((90, 1)), wrenches=scale * truth, time_s=time, path=np.full(90, "a"),
+            azimuth_deg=np.zeros(90), contact=np.ones(90, bool),
+        )  # fmt: skip
+        covariance = np.tile((0.1 * scale) ** 2 * np.eye(6), (90, 1, 1))
+        return filtered_score(
+            SimpleNamespace(load_scale=scale, predict=lambda inputs: (scale * seen, covariance)), test, 0.06
+        )
+
+    hard, soft = scored(1.0), scored(0.04)
+    assert np.array(soft.rmse) == pytest.approx(0.04 * np.array(hard.rmse), rel=1e-6)
+    for name in ("lag_s", "direction_deg", "precision", "recall", "coverage"):
+        assert getattr(soft, name) == pytest.approx(getattr(hard, name), rel=1e-6, nan_ok=True), name
 
 
 def test_lag_of_a_delayed_copy_is_its_delay():

@@ -18,6 +18,8 @@ from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import ShearField
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.wrench.contact import threshold_from_rest
+from sensing.wrench.contact_place import line_of_action
 from sensing.wrench.load_scale import load_scale
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.stiffness import weights_digest
@@ -108,6 +110,19 @@ def test_setup_takes_a_touch_of_a_soft_dome_for_one(soft):
     dome = SimpleNamespace(pipeline=SimpleNamespace(model=live_model("default", soft, soft.shape)))
     rest = [np.array([0.0, 0.0, 0.002])]
     assert setup._touch_n(dome, rest) == pytest.approx(setup.LEAST_TOUCH_N * SCALE)
+
+
+def test_the_threshold_that_setup_measures_goes_with_the_endcaps_forces():
+    rest = 1e-4 * np.random.default_rng(0).standard_normal((400, 3))
+    hard, soft = (threshold_from_rest(scale * rest, load_scale=scale) for scale in (1.0, 0.04))
+    assert (soft.on_n, soft.off_n) == pytest.approx((0.04 * hard.on_n, 0.04 * hard.off_n))
+
+
+def test_a_place_is_known_of_a_force_in_contact_however_soft_the_dome():
+    """Contact begins at 0.04 N on the softest dome."""
+    force = np.array([0.0, 0.0, -0.04])
+    assert line_of_action(force, np.zeros(3), 125.0, 0.0, 0.038).position_mm == pytest.approx([0, 0, 125.0])
+    assert np.isnan(line_of_action(force, np.zeros(3), 125.0, 0.0).position_mm).all()
 
 
 @pytest.mark.parametrize(("wall_mm", "name"), [(8, "Smooth-Sil 950"), (6.5, "Ecoflex 00-30"), (25, "Smooth-Sil 950")])

@@ -190,6 +190,10 @@ def test_the_command_replays(run, capsys):
         (["--config", "none.toml"], "none.toml: No such file"),
         (["--replay", "none.mcap"], "none.mcap: No such file"),
         (["--replay", "RUN", "--seed", "2"], "--seed has no effect with --replay"),
+        (["--replay", "RUN", "--ros"], "--ros has no effect with --replay"),
+        (["--replay", "RUN", "--live"], "--live has no effect with --replay"),
+        (["--replay", "RUN", "--port", "0"], "--port has no effect with --replay"),
+        (["--no-page", "--port", "9000"], "--port has no effect with --no-page"),
         (["--replay", "TEXT"], "no MCAP file"),
     ],
 )

@@ -66,7 +66,7 @@ def test_zero_stays_exactly_zero_and_huge_stays_finite(model, storage):
 def test_compiled_and_onnx_give_what_the_network_that_is_trained_gives(model, seed):
     """The torch network in float64 is the authority; the kernels keep to it to 1e-9, the float32 graph to 3e-6."""
     torch = pytest.importorskip("torch")
-    from sensing.learning.fitting import as_net
+    from sensing.learning.net import as_net
 
     rng = np.random.default_rng(seed)
     weights = {

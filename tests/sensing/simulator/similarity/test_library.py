@@ -19,11 +19,11 @@ from sensing.simulator.similarity.library import (
     FILE,
     LEAST_COUNT,
     load_library,
-    path_digest,
     save_library,
     solved_node,
 )
-from sensing.simulator.similarity.paths import library_paths, stand_paths, touching_steps
+from sensing.simulator.similarity.node import read_node, save_node
+from sensing.simulator.similarity.paths import library_paths, path_digest, stand_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, common_order
 from sensing.simulator.similarity.surface_modes import modes_at
 from sensing.simulator.solid.geometry import shell_geometry
@@ -158,12 +158,26 @@ def test_a_damaged_or_outdated_library_is_reported(tmp_path):
         load_library(tmp_path / "old.npz")
 
 
+def test_a_solved_shell_of_other_paths_is_no_part_of_a_library(tmp_path, monkeypatch):
+    """The library says of all its states along which paths they were solved: a node that was kept must be of those."""
+    node, file = solved_node(load_library(), 0, standing=True), tmp_path / "stands_D250_T6.5.npz"
+    save_node(node, file)
+    assert np.array_equal(read_node(file).wrench, node.wrench, equal_nan=True)
+    moved = [replace(path, tilt_deg=path.tilt_deg + 1) for path in library_paths()]
+    monkeypatch.setattr("sensing.simulator.similarity.paths.library_paths", lambda: moved)
+    with pytest.raises(FileError, match=r"along other paths"):
+        read_node(file)
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(FileError, match=r"no solved shell"):
+        read_node(file)
+
+
 @pytest.mark.parametrize(("nudge", "same"), [(4e-14, True), (1e-5, False)])
 def test_another_processors_last_bits_make_no_other_paths(nudge, same, monkeypatch):
     """Most by which vector units and linear algebra libraries were seen to differ, and a path that is another one."""
     shipped = load_library().paths
     moved = [replace(path, friction=path.friction + nudge, tilt_deg=path.tilt_deg - nudge) for path in library_paths()]
-    monkeypatch.setattr("sensing.simulator.similarity.library.library_paths", lambda: moved)
+    monkeypatch.setattr("sensing.simulator.similarity.paths.library_paths", lambda: moved)
     assert (path_digest() == shipped) is same
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from cad.errors import EndcapError
 from sensing.simulator.verification import report as verify
 
 REPORT = Path(__file__).parents[4] / "docs" / "verification.md"
@@ -30,3 +31,13 @@ def test_a_section_without_a_place_is_a_fault() -> None:
     with pytest.raises(ValueError):
         verify._place("## Something else")
     assert verify._place("## Hard cases, part 2 of 12") < verify._place("## Hard cases, part 10 of 12")
+
+
+def test_a_section_that_fails_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def failed(_: Path) -> str:
+        raise EndcapError("no such shell")
+
+    monkeypatch.setitem(verify.SECTIONS, "solid", lambda _: "## The solid\n\nanew\n")
+    monkeypatch.setitem(verify.SECTIONS, "contact", failed)
+    assert verify.main(["--out", str(tmp_path), "--only", "solid", "contact"]) == 2
+    assert list(verify._read(tmp_path / "verification.md")) == ["## The solid"]

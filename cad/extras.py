@@ -23,6 +23,7 @@ from cad.threads import one_thread
 DISTRIBUTION = "endcap-toolkit"
 KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
 SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
+NO_CACHE = "no locator available"  # numba, where it finds no folder to write to
 
 _CAD = ("cad",)
 _NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")
@@ -88,8 +89,8 @@ def extra_of_command(module: str) -> str:
     return next((EXTRA_OF_COMMAND[prefix] for prefix in prefixes if prefix in EXTRA_OF_COMMAND), "")
 
 
-def explain(error: ImportError, command: str) -> str | None:
-    """One line on what is missing and how to install it.
+def explain(error: BaseException, command: str) -> str | None:
+    """One line on what an import lacks and how to give it: a library, or a folder for compiled code.
 
     Args:
         error: what an import raised.
@@ -98,6 +99,13 @@ def explain(error: ImportError, command: str) -> str | None:
     Returns:
         The line, or ``None`` where the cause is something else (an error of our own, a library that no extra brings).
     """
+    if isinstance(error, RuntimeError) and NO_CACHE in str(error):
+        return (
+            "compiled code can be kept neither beside the toolkit nor in the user's cache folder, as neither can be "
+            "written: set NUMBA_CACHE_DIR to a folder that can"
+        )
+    if not isinstance(error, ImportError):
+        return None
     for library, package in SYSTEM_LIBRARIES.items():
         if library in str(error):
             return f"the system library {library} is missing: run apt-get install {package}, or your system's command"
@@ -115,8 +123,8 @@ def explain(error: ImportError, command: str) -> str | None:
 def prepare_command() -> None:
     """Make a command that was started with ``python -m`` end with one line where a library is missing.
 
-    And where Ctrl-C comes while its libraries are loaded, before it can handle that itself. Its linear algebra gets one
-    thread (:mod:`cad.threads`).
+    So it does where compiled code can be kept nowhere, and where Ctrl-C comes while its libraries are loaded, before it
+    can handle that itself. Its linear algebra gets one thread (:mod:`cad.threads`).
     """
     command = started_module(sys.orig_argv)
     if not extra_of_command(command):
@@ -128,7 +136,7 @@ def prepare_command() -> None:
         if isinstance(error, KeyboardInterrupt):
             LOG.error(f"{command}: interrupted")
             raise SystemExit(130)  # what a hook raises decides on the exit status
-        line = explain(error, command) if isinstance(error, ImportError) else None
+        line = explain(error, command)
         if line is None:
             before(kind, error, trace)
             return

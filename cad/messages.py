@@ -12,7 +12,9 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from contextlib import suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 LOG = logging.getLogger("endcap")
 
@@ -51,6 +53,22 @@ def transient(text: str = "", done: bool = False) -> None:
     """
     if LOG.isEnabledFor(logging.INFO) and sys.stderr.isatty():
         print(f"\r\033[K{text}", end="\n" if done else "", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def announced(text: str, after_s: float, say: Callable[[str], object] = LOG.info) -> Iterator[None]:
+    """Say what the work inside is, once it takes long.
+
+    Args:
+        text: what. after_s: shorter work is not announced, s. say: is called, from another thread.
+    """
+    notice = threading.Timer(after_s, say, [text])
+    notice.daemon = True
+    notice.start()
+    try:
+        yield
+    finally:
+        notice.cancel()
 
 
 if not LOG.handlers:

@@ -175,7 +175,7 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
     start_as(" ".join(("endcap", command.name)))
     try:
         return int(import_module(command.module).main([*command.arguments, *_named(command, words)]) or 0)
-    except ImportError as error:
+    except (ImportError, RuntimeError) as error:
         line = explain(error, command.module)
         if line is None:
             raise

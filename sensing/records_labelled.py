@@ -200,17 +200,25 @@ class LabelledSet:
     def split(self, share: float, seed: int) -> tuple[frozenset[int], frozenset[int]]:
         """Path numbers for (training, test): whole paths, drawn at random, about ``share`` of them for the test.
 
-        Frames of one robot scene (``path // 6``) stay together.
+        Frames of one robot scene (``path // 6``) stay together. Each side gets one at least, but for a share of 0 or 1.
 
         Raises:
-            ParameterError: a share outside 0..1.
+            ParameterError: a share outside 0..1, or a single path or scene to part.
         """
         if not 0 <= share <= 1:
             raise ParameterError(f"share={share:g} outside 0..1: give the test's part", name="share", value=share)
         scene, path = self.column("scene"), self.column("path")
         group = np.where(scene >= 0, scene, path)
         groups = np.random.default_rng(seed).permutation(np.unique(group))
-        test = np.isin(group, groups[: round(share * len(groups))])
+        count = round(share * len(groups))
+        if 0 < share < 1:
+            if len(groups) < 2:
+                raise ParameterError(
+                    f"{self.folder}: {len(groups)} path or scene, at least 2 needed to part them: make more frames",
+                    name="path",
+                )
+            count = min(max(count, 1), len(groups) - 1)
+        test = np.isin(group, groups[:count])
         return frozenset(map(int, path[~test])), frozenset(map(int, path[test]))
 
     def frames(self, paths: Collection[int] | None = None) -> Iterator[LabelledFrame]:

@@ -209,6 +209,20 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(tmp_path):
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "sensing.calibrate: interrupted\n")
 
 
+@pytest.mark.parametrize("words", [["sensing.simulator", "press"], ["endcap", "press"]])
+def test_nowhere_to_keep_compiled_code_is_one_line(words):
+    """As where a service without a home runs a checkout that it may only read."""
+    run = subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=ROOT,
+        env=os.environ | {"NUMBA_CACHE_LOCATOR_CLASSES": "IPythonCacheLocator"},
+        capture_output=True,
+        text=True,
+    )
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
+    assert "NUMBA_CACHE_DIR" in run.stderr
+
+
 def test_importing_from_a_program_changes_nothing():
     code = (
         "import os, sys; before = sys.excepthook, dict(os.environ); import fab, sensing; "

@@ -8,13 +8,15 @@ import sys
 from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.messages import LOG, show
+from cad.messages import LOG, announced, show
 from sensing.arguments import number, silicone_name
 from sensing.simulator.contact.indenter import known_kinds
 from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES
+
+PATIENCE_S = 3.0  # a press takes 2 s; what takes longer is announced
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,10 +34,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _press(options: argparse.Namespace) -> int:
     geometry, law = shell_geometry(options.diameter, options.wall), silicone(options.silicone).neo_hooke()
-    state = Simulator(geometry, law, options.density, level=1).press(
-        options.normal, options.tilt, (options.meridian, options.lateral),
-        friction=options.friction, kind=options.body, radius_mm=options.radius,
-    )  # fmt: skip
+    text = "pressing: half a minute more where the simulator must be compiled, once on this computer"
+    with announced(text, PATIENCE_S):
+        state = Simulator(geometry, law, options.density, level=1).press(
+            options.normal, options.tilt, (options.meridian, options.lateral),
+            friction=options.friction, kind=options.body, radius_mm=options.radius,
+        )  # fmt: skip
     certificate = state.certificate
     assert certificate is not None
     show(f"depth       {state.depth_mm:.3f} mm at a normal force of {state.normal_n:.3f} N")

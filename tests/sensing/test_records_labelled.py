@@ -88,6 +88,19 @@ def test_a_split_keeps_paths_and_scenes_whole(folder: Path) -> None:
         data.split(2, seed=0)
 
 
+def test_neither_side_of_a_split_is_empty(folder: Path) -> None:
+    """A test on no frames has no error: its mean is NaN, and nothing says why."""
+    data = LabelledSet(folder)
+    assert [len(part) for part in data.split(0.04, seed=1)] == [9, 1]
+    assert [len(part) for part in data.split(0.96, seed=1)] == [1, 9]
+    assert [len(part) for part in data.split(0, seed=1)] == [10, 0]
+    for file in data.shards:
+        arrays = dict(np.load(file))
+        np.savez(file, **{**arrays, "path": np.zeros_like(arrays["path"])})
+    with pytest.raises(ParameterError, match="1 path or scene, at least 2 needed"):
+        LabelledSet(folder).split(0.5, seed=1)
+
+
 def test_bad_folders_are_named(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     data = LabelledSet(folder)
     with pytest.raises(ParameterError, match="column='mass' is none of"):

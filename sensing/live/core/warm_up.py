@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
+from cad.messages import announced
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
@@ -32,20 +32,14 @@ def warm_up(say: Callable[[str], object]) -> None:
     Args:
         say: is called, from another thread, when this takes long.
     """
-    notice = threading.Timer(
-        PATIENCE_S, say, ["loading the dot tracker: half a minute where it must be compiled, once on this computer"]
-    )
-    notice.daemon = True
-    notice.start()
-    try:
+    text = "loading the dot tracker: half a minute where it must be compiled, once on this computer"
+    with announced(text, PATIENCE_S, say):
         endcap, model = EndcapConfig("warm_up", "drawing"), LiveModel("warm_up", "dots", SHAPE, _Press(), rest_n=0.0)
         frames = [Frame(k / RATE_HZ, k, "drawing", image=picture) for k, picture in enumerate(_pictures())]
         reference = Reference(single_zero(frames[0]), model_input(frames[0], SHAPE, endcap.params))
         measurement = Measurement(endcap, model, reference, check=None, number=0, epoch=0)
         for frame in frames:
             measurement.read(frame, frame.time_s)
-    finally:
-        notice.cancel()
 
 
 class _Press:

@@ -148,21 +148,29 @@ class _Losses:
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
-    """Where samples come from."""
-    asked = {name: value for name in SIMULATED_ONLY if (value := getattr(options, name)) is not None}
-    if options.live or options.endcaps is not None:
-        if asked:
-            raise ParameterError(f"--{next(iter(asked))} has no effect with --live: it is of the simulated robot")
-        from sensing.robot.node.live import LiveRobot
-        from sensing.robot.node.warm_up import warm_up
+    """Where samples come from; the code that estimates from them is loaded before anything waits for it."""
+    from sensing.robot.node.warm_up import warm_up
 
-        source = LiveRobot(robot, options.endcaps, wrench_sd=_wrench_sd(options))
-        warm_up(robot, LOG.info)
-        return source
+    source = _live(options, robot) if options.live or options.endcaps is not None else _simulated(options, robot)
+    warm_up(robot, LOG.info)
+    return source
+
+
+def _live(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
+    for name in SIMULATED_ONLY:
+        if getattr(options, name) is not None:
+            raise ParameterError(f"--{name} has no effect with --live: it is of the simulated robot")
+    from sensing.robot.node.live import LiveRobot
+
+    return LiveRobot(robot, options.endcaps, wrench_sd=_wrench_sd(options))
+
+
+def _simulated(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
     if options.wrench_sd is not None:
         raise ParameterError("--wrench-sd has no effect without --live: it is of wrenches without covariance")
     from sensing.robot.demo.simulated import SimulatedRobot
 
+    asked = {name: value for name in SIMULATED_ONLY if (value := getattr(options, name)) is not None}
     return SimulatedRobot(robot, **asked, say=lambda at_s: transient(f"simulating: {at_s:.0f} s"))
 
 
@@ -202,6 +210,7 @@ def _start_page(shown: Sequence[RobotPage | RobotTopics], lines: Lines) -> None:
 
 def _replay(options: argparse.Namespace) -> int:
     from sensing.robot.node.replay import Recording
+    from sensing.robot.node.warm_up import warm_up
 
     others = ("config", "live", "record", "endcaps", "wrench_sd", "ros", "port")
     asked = {name: getattr(options, name) for name in (*SIMULATED_ONLY, *others)}
@@ -209,6 +218,7 @@ def _replay(options: argparse.Namespace) -> int:
     if given:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)
+    warm_up(recording.robot, LOG.info)
     out = Lines(sys.stdout)
     lines = Lines(sys.stderr) if options.json else out
     outputs: list[Output] = [RobotTerminal(lines, recording.robot, quiet=options.json)]

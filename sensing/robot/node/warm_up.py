@@ -5,11 +5,11 @@ Compiled with the first samples of a run instead, the inertial sensor would seem
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
+from cad.messages import announced
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.settings import DEFAULTS
 from sensing.tensegrity.description import GRAVITY_M_S2, TensegrityRobot
@@ -26,15 +26,9 @@ def warm_up(robot: TensegrityRobot, say: Callable[[str], object]) -> None:
     Args:
         robot: as the run has it. say: is called, from another thread, when this takes long.
     """
-    notice = threading.Timer(
-        PATIENCE_S, say, ["loading the estimator: half a minute where it must be compiled, once on this computer"]
-    )
-    notice.daemon = True
-    notice.start()
-    try:
+    text = "loading the estimator: half a minute where it must be compiled, once on this computer"
+    with announced(text, PATIENCE_S, say):
         _stand(RobotEstimator(robot), robot)
-    finally:
-        notice.cancel()
 
 
 def _stand(estimator: RobotEstimator, robot: TensegrityRobot) -> None:

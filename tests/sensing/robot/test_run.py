@@ -181,6 +181,20 @@ def test_the_command_replays(run, capsys):
     assert len(lines) == len(run[1]) and lines[-1]["endcaps"][0]["state"] == "holds"
 
 
+@pytest.mark.parametrize("words", [[], ["--replay", "RUN"]])
+def test_the_estimator_is_compiled_before_the_run(words, run, tmp_path, monkeypatch):
+    """Compiled between two samples, on a new computer, nothing is said for half a minute, nor is Ctrl-C heard."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    shutil.copy(run[0], tmp_path / "RUN")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sensing.robot.demo.simulated.SimulatedRobot", lambda *_, **__: Standing())
+    monkeypatch.setattr("sensing.robot.node.warm_up.warm_up", interrupted)
+    assert main([*words, "--no-page"]) == 130
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -1,5 +1,6 @@
 """The one facade of the levels: same answers whatever mesh half or level gives them."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -125,3 +126,19 @@ def test_the_command_names_itself(capsys: pytest.CaptureFixture[str], monkeypatc
     monkeypatch.setattr(Simulator, "press", stopped)
     assert main(["press"]) == 130
     assert capsys.readouterr().err == "sensing.simulator: stopped\n"
+
+
+def test_a_press_that_takes_long_is_announced(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a new computer it compiles for half a minute: the first command of a researcher seemed to hang."""
+
+    def slow(*_: object, **__: object) -> None:
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline and not capsys.readouterr().err:
+            time.sleep(0.01)
+        raise KeyboardInterrupt if time.monotonic() < deadline else AssertionError("nothing was said")
+
+    monkeypatch.setattr("sensing.simulator.__main__.PATIENCE_S", 0.01)
+    monkeypatch.setattr(Simulator, "press", slow)
+    assert main(["press"]) == 130

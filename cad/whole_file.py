@@ -21,6 +21,7 @@ from typing import IO
 
 from cad.errors import FileError
 
+MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
 READABLE = 0o644  # less what the user's umask takes
 PRIVATE = 0o600
 
@@ -37,7 +38,8 @@ def replace_file(path: Path, data: bytes, fix: str = "give a folder that exists 
     try:
         put_file(path, data)
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}: {fix}") from error
+        space = "free some space, or " if error.errno in MEDIUM_FULL else ""
+        raise FileError(f"{path}: {error.strerror or error}: {space}{fix}") from error
 
 
 def put_file(path: Path, data: bytes, mode: int = READABLE, durable: bool = False) -> None:

@@ -28,10 +28,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cad.errors import FileError
-from cad.whole_file import lock_of_the_dead, locked_folder, remove_partial
+from cad.whole_file import MEDIUM_FULL, lock_of_the_dead, locked_folder, remove_partial
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
@@ -187,7 +186,7 @@ def _as_file_error(final: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        full, reason = error.errno in _MEDIUM_FULL, error.strerror or str(error)
+        full, reason = error.errno in MEDIUM_FULL, error.strerror or str(error)
         if _is_elsewhere(error.filename, final):
             remedy = "free some space there" if full else "make it readable, or install the toolkit again"
             raise FileError(f"{error.filename}: {reason}: {remedy}") from error

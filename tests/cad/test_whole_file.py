@@ -91,6 +91,15 @@ def test_the_message_names_file_reason_and_remedy(tmp_path):
         replace_file(tmp_path / "none" / "a", b"", "choose another place")
 
 
+def test_a_full_disk_asks_for_space(tmp_path):
+    real = os.open
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "open", lambda path, flags, mode=0o777: real("/dev/full", os.O_WRONLY))
+        with pytest.raises(FileError, match="No space left on device: free some space, or give a folder"):
+            replace_file(tmp_path / "a", b"x")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_place_is_tried_before_long_work(tmp_path):
     (tmp_path / "there").write_text("mine")
     require_place(tmp_path / "there")

@@ -100,8 +100,8 @@ def differences(assumed: MountedCamera, found: Calibration, params: EndcapParams
     turn = best_turn(found.mounted, found.found_px, *pattern_points(params), float(np.degrees(before[7])))
     alike = f" or, as the dots look alike then, by {turn.repeats_deg:.3g} more or less" if turn.is_doubtful else ""
     rivals = [
-        (np.abs(change[5:8] / allowed[5:8]).max(), f"camera turned by {_turn_deg(assumed, found.mounted):.1f} degrees{alike} "
-         f"(x {turned[0]:+.1f}, y {turned[1]:+.1f}, about its axis {turned[2]:+.1f})"),
+        (np.abs(change[5:8] / allowed[5:8]).max(), f"camera turned by {_turn_deg(assumed, found.mounted):.1f} degrees"
+         f"{alike} (x {turned[0]:+.1f}, y {turned[1]:+.1f}, about its axis {turned[2]:+.1f})"),
         (np.abs(change[8:10] / allowed[8:10]).max(), f"pupil off the axis by {np.hypot(*shifted[:2]):.1f} mm"),
         (abs(change[0] / allowed[0]), f"focal length {100 * change[0] / before[0]:+.1f} %"),
         (np.abs(change[1:3] / allowed[1:3]).max(), f"optical axis off by {np.hypot(*change[1:3]):.1f} px"),

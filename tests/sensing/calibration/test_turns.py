@@ -154,8 +154,8 @@ def test_of_two_turns_about_as_far_neither_is_taken_in_silence(tmp_path, capsys,
     table = "".join(f"{u},{v}\n" for u, v in dots)
     (tmp_path / "dots.csv").write_text("u_px,v_px\n" + table)
     cv2.imwrite(str(tmp_path / "a.png"), np.full((480, 640, 3), 150, np.uint8))
-    words = ["--photo", str(tmp_path / "a.png"), "--dots", str(tmp_path / "dots.csv"), "--out", str(tmp_path / "a.json")]
-    assert main(words) == 0
+    files = {"--photo": "a.png", "--dots": "dots.csv", "--out": "a.json"}
+    assert main([word for option, name in files.items() for word in (option, str(tmp_path / name))]) == 0
     assert ("look alike every 180 degrees" in capsys.readouterr().err) == doubtful
     assert ("by 180 more or less" in camera_misfit(dots, SIZE, RELEASED).reason) == doubtful
 

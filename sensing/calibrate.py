@@ -38,8 +38,6 @@ from sensing.camera.light import light_of
 from sensing.camera.mount import MountedCamera, mount
 from sensing.tracking.zero import load_zero
 
-RELEASED_REPEATS_DEG = 180.0  # turn after which the released dots look alike; a half turn is seen when mounting
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
@@ -131,12 +129,12 @@ def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, o
     for doubt in doubts:
         LOG.warning(f"sensing.calibrate: {doubt}")
     found = result.found_px
-    repeats_deg = best_turn(result.mounted, found, *pattern_points(params), options.azimuth_hint).repeats_deg
-    if repeats_deg < RELEASED_REPEATS_DEG - 1:
+    turn = best_turn(result.mounted, found, *pattern_points(params), options.azimuth_hint)
+    if turn.is_doubtful:
         LOG.warning(
-            f"sensing.calibrate: the dots look alike every {repeats_deg:.3g} degrees: of all such turns the one "
-            f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken; a camera turned by more than "
-            f"{repeats_deg / 2:.3g} degrees from it would give wrong directions"
+            f"sensing.calibrate: the dots look alike every {turn.repeats_deg:.3g} degrees: of all such turns the one "
+            f"nearest to --azimuth-hint {options.azimuth_hint:g} is taken, {turn.away_deg:+.0f} degrees from it; a "
+            f"camera turned by more than {turn.repeats_deg / 2:.3g} degrees from it would give wrong directions"
         )
 
 

@@ -24,6 +24,7 @@ from sensing.calibration.fit import OUTLIER, STEP, Problem, numeric_jacobian
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.in_place import pairs_in_place
 from sensing.calibration.prior import HYPOTHESES, OTHER_LENS
+from sensing.calibration.turns import best_turn
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -80,11 +81,15 @@ def camera_misfit(
         return Misfit(statistic, p_value, False, f"the dots are not where this camera sees them ({error})")
     if camera is None and HYPOTHESES[0].name == next(iter(found.probabilities)):
         return Misfit(statistic, p_value, True)  # the dots call for no other camera
-    return Misfit(statistic, p_value, False, differences(assumed, found), found)
+    return Misfit(statistic, p_value, False, differences(assumed, found, params), found)
 
 
-def differences(assumed: MountedCamera, found: Calibration) -> str:
-    """In words, what a found camera has otherwise than the assumed one: the significant quantities, largest first."""
+def differences(assumed: MountedCamera, found: Calibration, params: EndcapParams) -> str:
+    """In words, what a found camera has otherwise than the assumed one: the significant quantities, largest first.
+
+    Args:
+        assumed: the camera. found: the one that fits instead. params: the endcap, whose dots may look alike turned.
+    """
     before, now = camera_vector(assumed), camera_vector(found.mounted)
     sigma = np.array([found.values[name][1] for name in NAMES])
     change = now - before
@@ -92,9 +97,11 @@ def differences(assumed: MountedCamera, found: Calibration) -> str:
     allowed = np.sqrt(np.maximum(sigma, 0) ** 2 + np.diag(_tolerance(assumed)))
     lens = _radial_change(assumed, found.mounted)
     turned, shifted = np.degrees(change[5:8]), change[8:11]
+    turn = best_turn(found.mounted, found.found_px, *pattern_points(params), float(np.degrees(before[7])))
+    alike = f" or, as the dots look alike then, by {turn.repeats_deg:.3g} more or less" if turn.is_doubtful else ""
     rivals = [
-        (np.abs(change[5:8] / allowed[5:8]).max(), f"camera turned by {_turn_deg(assumed, found.mounted):.1f} degrees "
-         f"(x {turned[0]:+.1f}, y {turned[1]:+.1f}, about its axis {turned[2]:+.1f})"),
+        (np.abs(change[5:8] / allowed[5:8]).max(), f"camera turned by {_turn_deg(assumed, found.mounted):.1f} degrees"
+         f"{alike} (x {turned[0]:+.1f}, y {turned[1]:+.1f}, about its axis {turned[2]:+.1f})"),
         (np.abs(change[8:10] / allowed[8:10]).max(), f"pupil off the axis by {np.hypot(*shifted[:2]):.1f} mm"),
         (abs(change[0] / allowed[0]), f"focal length {100 * change[0] / before[0]:+.1f} %"),
         (np.abs(change[1:3] / allowed[1:3]).max(), f"optical axis off by {np.hypot(*change[1:3]):.1f} px"),

@@ -22,6 +22,7 @@ from sensing.calibration.other_design import OtherDesignError, design_fit, requi
 from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
+from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.records import Frame
 
@@ -45,6 +46,16 @@ class RestCamera:
     found: bool = False
     doubt: str = ""
     other_design: bool = False
+
+    def known(self, params: EndcapParams, size_px: tuple[int, int]) -> MountedCamera | None:
+        """The camera that sees the picture, the nominal one where that fits; None where none does.
+
+        Args:
+            params: the endcap. size_px: width and height of the picture.
+        """
+        if not (self.misfit.fits or self.found):
+            return None
+        return self.camera or nominal_mount(params, *size_px)
 
 
 def most_misplaced_px(params: EndcapParams) -> float:

@@ -10,6 +10,7 @@ faults; the released photos of 640 x 480 pass, the one of 1280 x 720 shows 67 of
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cad.params import EndcapParams
 from sensing.calibration.dots import mutual_nearest, neighbour_ratio, pattern_points, sees_whole, spacing_px
@@ -76,6 +77,15 @@ def seen_dots(dots_px: Array, params: EndcapParams, camera: MountedCamera | None
     wanted = int(np.count_nonzero(sees_whole(nominal_mount(params), points)))
     if camera is None or len(dots_px) < 2:
         return len(dots_px), wanted
+    return len(pattern_dots(dots_px, params, camera)), wanted
+
+
+def pattern_dots(dots_px: Array, params: EndcapParams, camera: MountedCamera) -> NDArray[np.intp]:
+    """Ascending numbers of the found dots that lie on places of the design's; specks and blots do not.
+
+    Args:
+        dots_px: (n, 2) found, two at least. params: the design. camera: that sees them.
+    """
+    points = pattern_points(params)[0]
     reach = NEAR * spacing_px(dots_px) * neighbour_ratio(camera, points)
-    pairs = mutual_nearest(dots_px, camera, points, np.ones(len(points), bool), reach)
-    return len(pairs.blob_index), wanted
+    return np.sort(mutual_nearest(dots_px, camera, points, np.ones(len(points), bool), reach).blob_index)

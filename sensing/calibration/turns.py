@@ -20,6 +20,7 @@ from sensing.camera.mount import MountedCamera, rotation_matrix
 from sensing.camera.parameters import camera_vector
 
 SAME_DEG = 2.0  # turns that lie this near to each other are one: no ring has as many as 180 dots
+HALF_TURN_DEG = 180.0  # after which the released dots look alike; a half turn is seen when mounting
 REACH, MOST_PX = 0.3, 8.0  # of the distance to its neighbour, at most px at 480 rows: so far may a dot lie from a blob
 
 
@@ -30,10 +31,19 @@ class Turn:
     Attributes:
         angle_rad: by which the camera is to be turned about the endcap's axis; 0 where it is right.
         repeats_deg: smallest turn after which the seen dots look alike; 360 where none does.
+        away_deg: of the camera then turned, from the expected azimuth.
     """
 
     angle_rad: float
     repeats_deg: float
+    away_deg: float
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another turn that looks alike may well be the true one: it is not even three times as far away."""
+        if self.repeats_deg < HALF_TURN_DEG - SAME_DEG:
+            return True
+        return self.repeats_deg < 360.0 and abs(self.away_deg) > self.repeats_deg / 4
 
 
 def best_turn(
@@ -49,10 +59,11 @@ def best_turn(
     angles = turns_of(rings[mounted.sees(points) & (rings > 0)], rings)
     scores = _scores(mounted, blobs_px, points, angles)
     alike = angles[scores >= scores.max() - DOUBT]
-    away = camera_vector(mounted)[7] + alike - np.radians(azimuth_hint_deg)
-    angle = float(alike[np.abs(_wrapped(away)).argmin()])
+    away = _wrapped(camera_vector(mounted)[7] + alike - np.radians(azimuth_hint_deg))
+    nearest = np.abs(away).argmin()
     gaps = np.degrees(np.diff(np.append(alike, alike[0] + 2 * np.pi)))
-    return Turn(float(_wrapped(np.array(angle))), float(gaps[gaps > SAME_DEG].min(initial=360.0)))
+    repeats_deg = float(gaps[gaps > SAME_DEG].min(initial=360.0))
+    return Turn(float(_wrapped(alike[nearest])), repeats_deg, float(np.degrees(away[nearest])))
 
 
 def turned(mounted: MountedCamera, angle_rad: float) -> MountedCamera:

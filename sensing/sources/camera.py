@@ -21,6 +21,7 @@ from sensing.sources.newest import SourceError
 from sensing.sources.v4l2 import CameraMode, read_modes
 
 BY_PATH = Path("/dev/v4l/by-path")  # of udev
+COMPRESSED = tuple(cv2.VideoWriter.fourcc(*name) for name in ("MJPG", "JPEG"))
 STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is not used
 
 
@@ -177,7 +178,8 @@ def _open(config: CameraConfig, name: str) -> cv2.VideoCapture:
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, config.size[1])
     capture.set(cv2.CAP_PROP_FPS, config.rate_hz)
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 2)  # with one the driver has none between reads, and frames get lost
-    capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # leave the JPEG alone: each method decodes what it needs
+    if capture.get(cv2.CAP_PROP_FOURCC) in COMPRESSED:  # else OpenCV converts to BGR: raw YUV is no picture
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # leave the JPEG alone: each method decodes what it needs
     if config.exposure is not None:
         capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # V4L2_EXPOSURE_MANUAL
         capture.set(cv2.CAP_PROP_EXPOSURE, config.exposure)

@@ -50,6 +50,10 @@ class Dots:
     def __len__(self) -> int:
         return len(self.position_px)
 
+    def only(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Dots:
+        """Some of the dots: a mask, or their numbers."""
+        return Dots(self.position_px[which], self.diameter_px[which], self.cut[which])
+
 
 def find_dots(gray: Image, least: int = 1, source: str = "reference", params: EndcapParams | None = None) -> Dots:
     """All dots of a gray picture (H, W), sorted by row then column of their centres.

@@ -111,7 +111,7 @@ class DotTracker:
         half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
         patches = cut_patches(self._image, found.position_px, half)
         kept = np.ones(len(found), bool) if dots is not None else _steady(found, patches)
-        self.dots = Dots(found.position_px[kept], found.diameter_px[kept], found.cut[kept])
+        self.dots = found.only(kept)
         self._patches = patches.only(kept)
         self.reference_px = to_full_px(self.dots.position_px, self.reduction)
         self.operator: FieldOperator = field_operator(

@@ -14,10 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from cad.params import EndcapParams
 from sensing.calibration.command_for import calibrate_command
 from sensing.calibration.misfit import Misfit
 from sensing.calibration.rest_camera import RestCamera
-from sensing.calibration.rest_picture import picture_doubts
+from sensing.calibration.rest_picture import pattern_dots, picture_doubts
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
@@ -25,6 +26,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput
+from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero
 from sensing.wrench.camera_spread import CameraSpread
 from sensing.wrench.dot_noise import noise_covariance
@@ -51,7 +53,7 @@ class CameraCheck:
         self.rest = rest
         self.message = "" if rest.misfit.fits else _advice(endcap, rest)
         fits = rest.misfit.fits or rest.found
-        known = (rest.camera or nominal_mount(endcap.params, *seen.tracker.size)) if fits else None
+        known = rest.known(endcap.params, seen.tracker.size)
         doubts = {} if fits else {FLAG: "the camera does not fit the reference"}
         doubts |= picture_doubts(zero.image, seen.tracker.reference_px, endcap.params, known)
         self.flags, self.reason = frozenset(doubts), "; ".join(doubts.values())
@@ -71,6 +73,20 @@ class CameraCheck:
         """The wrench, about the sphere's centre, with what the camera and its noise add to its covariance."""
         unknown = self._noise if self._spread is None else self._noise + self._spread.covariance(tracks)
         return replace(wrench, covariance=wrench.covariance + unknown)
+
+
+def paint_tracker(tracker: DotTracker, zero: Zero, rest: RestCamera, params: EndcapParams) -> DotTracker:
+    """A tracker of the design's dots alone: a speck on the lens keeps its place when the skin moves.
+
+    Args:
+        tracker: of all that look like dots; the answer where no camera is known. zero: its reference.
+        rest: the camera. params: the endcap.
+    """
+    camera = rest.known(params, tracker.size)
+    if camera is None:
+        return tracker
+    painted = tracker.dots.only(pattern_dots(tracker.reference_px, params, camera))
+    return tracker if len(painted) == len(tracker.dots) else DotTracker(zero.frame(), dots=painted, params=params)
 
 
 def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:

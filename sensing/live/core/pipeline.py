@@ -19,7 +19,7 @@ from sensing.calibration.rest_camera import RestCamera, rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import sized
-from sensing.live.core.camera_check import CameraCheck
+from sensing.live.core.camera_check import CameraCheck, paint_tracker
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.measurement import Measurement
@@ -223,8 +223,7 @@ class EndcapPipeline:
     def _build(self, zero: Zero) -> FieldMethod:
         self.require_camera_of(zero.frame())
         if self.model.method == "dots":
-            tracker = DotTracker(zero.frame(), params=self.endcap.params)
-            rest = self._rest_camera(zero, tracker)
+            rest, tracker = self._rest_camera(zero)
             method = ModelInput(tracker, self.model.shape, self.endcap.params, rest.camera, self.model.radial)
             method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
             method.restart()
@@ -240,13 +239,13 @@ class EndcapPipeline:
             return reference
         return Reference(reference.zero, self._build(reference.zero))
 
-    def _rest_camera(self, zero: Zero, tracker: DotTracker) -> RestCamera:
-        """Looked for once a picture: a reference is set up again to be compared with the next."""
-        digest = zero.digest
+    def _rest_camera(self, zero: Zero) -> tuple[RestCamera, DotTracker]:
+        """Looked for once a picture: a reference is set up again to be compared with the next. And its tracker."""
+        digest, tracker = zero.digest, DotTracker(zero.frame(), params=self.endcap.params)
         if digest not in self._cameras:
             found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
             self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: found}
-        return self._cameras[digest]
+        return self._cameras[digest], paint_tracker(tracker, zero, self._cameras[digest], self.endcap.params)
 
     def _use(self, reference: Reference, kept: Kept = NOTHING_KEPT) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)

@@ -147,6 +147,19 @@ def test_other_diameters_are_tried_with_the_same_dots():
     assert (best.diameter_mm, best.dot_rings) == (160.0, given.dot_rings)
 
 
+@pytest.mark.parametrize("turned_deg, doubtful", [(0, False), (20, False), (80, True), (-85, True)])
+def test_of_two_turns_about_as_far_neither_is_taken_in_silence(tmp_path, capsys, turned_deg, doubtful):
+    """The released dots look the same after half a turn: of -85 and 95 degrees the nearer is a guess."""
+    dots = photo_dots(camera(RELEASED, 3, turned_deg), RELEASED, 3)
+    table = "".join(f"{u},{v}\n" for u, v in dots)
+    (tmp_path / "dots.csv").write_text("u_px,v_px\n" + table)
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((480, 640, 3), 150, np.uint8))
+    files = {"--photo": "a.png", "--dots": "dots.csv", "--out": "a.json"}
+    assert main([word for option, name in files.items() for word in (option, str(tmp_path / name))]) == 0
+    assert ("look alike every 180 degrees" in capsys.readouterr().err) == doubtful
+    assert ("by 180 more or less" in camera_misfit(dots, SIZE, RELEASED).reason) == doubtful
+
+
 def test_the_command_says_after_how_much_the_dots_look_alike(tmp_path, capsys):
     photo, words = tmp_path / "a.png", ["--diameter", "130", "--wall", "8", "--dot-rings", "1-6-12-18-24"]
     image = DomeRenderer(SIX_FOLD, camera(SIX_FOLD, 2), RenderSettings(seed=4).at_level("draft")).render().image_bgr

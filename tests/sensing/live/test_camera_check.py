@@ -19,6 +19,7 @@ from sensing.calibration.rest_camera import rest_camera
 from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
+from sensing.decode import decode_bgr
 from sensing.live.core.camera_check import FLAG
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
@@ -57,6 +58,19 @@ def reading(frames: tuple[Frame, Frame], camera=None):
     endcap = EndcapConfig("endcap_0", "test", camera=camera)
     pipeline = EndcapPipeline(endcap, load_model("default", PARAMS), single_zero(frames[0]))
     return pipeline, pipeline.update(frames[1])
+
+
+def test_specks_on_the_lens_keep_their_place_and_are_no_dots(frames):
+    """Six as large and dark as dots, between those near the tip: followed, they held the field back, by 1 N."""
+    specked = []
+    for frame in frames["nominal"]:
+        image = decode_bgr(frame).copy()
+        for x, y in ((320, 302), (320, 178), (265, 262), (375, 262), (265, 218), (375, 218)):
+            cv2.circle(image, (x, y), 7, (60, 60, 60), -1, cv2.LINE_AA)
+        specked.append(Frame(frame.time_s, frame.sequence, "specked", image=image))
+    clean, seen = reading(frames["nominal"])[1], reading(tuple(specked))[1]
+    assert len(seen.tracks.ids) == len(clean.tracks.ids)
+    assert seen.wrench.force_n == pytest.approx(clean.wrench.force_n, abs=0.02)
 
 
 def test_without_a_calibration_the_camera_is_the_one_that_calibration_finds_on_the_rest_picture(

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sensing.decode import decode_bgr
 from sensing.sources import camera, v4l2
 from sensing.sources.__main__ import main
 from sensing.sources.camera import CameraConfig, CameraSource
@@ -129,6 +130,27 @@ def test_frames_keep_their_bytes_the_drivers_time_and_the_fixed_exposure(plugged
     assert [f.sequence for f, _ in got] == [0, 1, 2]
     assert all(f.jpeg[:2] == b"\xff\xd8" and f.size == (64, 48) and f.exposure == 120 and f.gain == 3 for f, _ in got)
     assert [age for _, age in got] == pytest.approx([0.02] * 3)  # the driver's stamp, not the arrival
+
+
+@pytest.mark.parametrize("pixels", ["YUYV", "NV12"])
+def test_a_camera_without_jpeg_gives_pictures_and_no_planes_of_yuv(plugged, monkeypatch, pixels):
+    """As OpenCV's capture does: raw bytes are rows of another shape, (h, w, 2) or (1.5 h, w), unless it converts."""
+    picture = np.full((48, 64, 3), (200, 100, 50), np.uint8)
+    raw = {"YUYV": cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_YUY2), "NV12": cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)}
+    offered = Capture.get
+
+    def get(self, key):
+        return cv2.VideoWriter.fourcc(*pixels) if key == cv2.CAP_PROP_FOURCC else offered(self, key)
+
+    def read(self):
+        self.count += 1
+        return True, picture if self.settings.get(cv2.CAP_PROP_CONVERT_RGB, 1) else raw[pixels]
+
+    monkeypatch.setattr(Capture, "get", get)
+    monkeypatch.setattr(Capture, "read", read)
+    frame = next(iter(CameraSource(CameraConfig())))
+    assert frame.size == (64, 48)
+    assert (decode_bgr(frame) == picture).all()
 
 
 def test_busy_camera_is_said(plugged, monkeypatch):

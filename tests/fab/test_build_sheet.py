@@ -114,13 +114,6 @@ def test_dots_that_a_narrow_lens_does_not_see_are_painted_and_not_counted(monkey
     assert table.rows[0][3] == "1" and table.rows[-1][3] == "0"
 
 
-@pytest.mark.parametrize(("rings", "row"), [((1, 6, 12, 18), "within 30°"), ((1, 5, 11), None), ((1, 6, 10), None)])
-def test_a_pattern_that_looks_alike_when_turned_asks_for_an_upright_camera(rings, row):
-    data = SheetData(MoldLayout(EndcapParams(130.0, 8.0, rings)), {}, None, MIX, [], [], [], [], 0.0, {})
-    text = str(light_check(data))
-    assert ("these dots look alike" in text) == (row is not None) and (row or "") in text
-
-
 def test_the_poured_silicone_has_its_volume_and_fills_to_the_depth():
     layout = MoldLayout(PARAMS)
     half = 2 / 3 * math.pi * PARAMS.outer_radius_mm**3

@@ -5,6 +5,7 @@ Everything waits for the page's own event "shown"; nothing sleeps.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 from pathlib import Path
@@ -23,7 +24,7 @@ from fab.exports.preview import PreviewPart, glb
 from fab.variant import Variant
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "scripts"))
-from live_picture import CHROMIUM, Browser
+from live_picture import CHROMIUM, Browser, RefusedError
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer")
 SIZES = {"desk": (1400, 1000), "tablet": (820, 1180), "phone": (390, 844)}
@@ -193,7 +194,8 @@ def test_make_shows_the_lines_then_the_made_shape_and_a_link_to_the_folders_page
 
 def again(tab, go: str) -> None:
     """Leave the page by a script and wait until it stands there anew."""
-    tab.value(f"window.left = true; {go}")
+    with contextlib.suppress(RefusedError):  # the page may be gone before it answers
+        tab.value(f"window.left = true; {go}")
     tab.until("!window.left && document.readyState === 'complete' && typeof page !== 'undefined'")
     tab.after("shown", "page.shown > 0")
 

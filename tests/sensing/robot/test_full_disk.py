@@ -1,11 +1,13 @@
 """A recording of the robot on a disk that fills up: what is said of it is what it holds."""
 
 import errno
+import tempfile
 
 import pytest
 from mcap.records import Message
 from standing_robot import standing_samples
 
+from cad.errors import FileError
 from sensing.live.mcap_records import CutError, read_records
 from sensing.robot.node import recorder as recorder_module
 from sensing.robot.node.recorder import RobotRecorder
@@ -14,7 +16,7 @@ from sensing.tensegrity.robot_file import SHIPPED, load_robot
 ROBOT = load_robot()
 
 
-def full(*_):
+def full(*_, **__):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
@@ -53,3 +55,10 @@ def test_an_index_that_cannot_be_written_any_more_is_let_go(tmp_path, monkeypatc
         recorder.sample(standing_samples(ROBOT, 0.1)[1][0])
         recorder.close()
         assert nowhere.closed and "No space left" in recorder.note
+
+
+def test_where_the_index_cannot_be_kept_no_recording_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    with pytest.raises(FileError, match="No space left on device"):
+        RobotRecorder(tmp_path / "run.mcap", ROBOT, SHIPPED.read_bytes())
+    assert not list(tmp_path.iterdir())

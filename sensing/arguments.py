@@ -7,6 +7,7 @@ import argparse
 from cad.design_arguments import number
 from cad.errors import FileError, ParameterError
 from cad.materials import silicones
+from cad.options import chosen
 from cad.plain_numbers import brief, stored_number, whole_number
 
 # number, too: an option of a design is of that type
@@ -46,10 +47,11 @@ def silicone_name(text: str) -> str:
         argparse.ArgumentTypeError: the table cannot be read.
     """
     try:
-        by_lower = {name.lower(): name for name in silicones()}
+        return chosen("silicone", text, silicones(), "cad/materials.csv")
+    except ParameterError:
+        return text
     except FileError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-    return by_lower.get(text.lower(), text)
 
 
 def pair(text: str) -> tuple[int, int]:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.learning.samples import Samples
-from sensing.wrench.load_scale import RELEASED_RADIUS_MM, load_scale, shear_mpa_of
+from sensing.wrench.load_scale import RELEASED_RADIUS_MM, load_scale, recorded_shear_mpa
 from sensing.wrench.model import WrenchModel
 
 
 def wrench_scale(of: Samples | WrenchModel) -> NDArray[np.float64]:
     """(6,) wrench that is to an endcap what 1 N and 1 N m are to D=130 T=8 in the default silicone, N and N m."""
-    force = load_scale(of.design.wall_mm, shear_mpa_of(of.identity))
+    force = load_scale(of.design.wall_mm, recorded_shear_mpa(of.identity))
     return np.repeat([force, force * of.design.outer_radius_mm / RELEASED_RADIUS_MM], 3)
 
 

@@ -25,7 +25,7 @@ def load_scale(wall_mm: float, shear_mpa: float) -> float:
     return shear_mpa * wall_mm**2 / (silicone().neo_hooke().shear_mpa * RELEASED_WALL_MM**2)
 
 
-def shear_mpa_of(made_of: Identity | None) -> float:
+def recorded_shear_mpa(made_of: Identity | None) -> float:
     """Shear modulus of the silicone of an endcap; that of the default one where its file does not say it.
 
     Args:

@@ -29,7 +29,7 @@ from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import answer_many, answer_one, input_of
-from sensing.wrench.load_scale import load_scale, shear_mpa_of
+from sensing.wrench.load_scale import load_scale, recorded_shear_mpa
 from sensing.wrench.range import Range, range_measures
 from sensing.wrench.tensors import OPTIONAL, SHAPES, onset_n_of, pattern_of, radial_of, tracking_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
@@ -134,7 +134,7 @@ class WrenchModel:
     @property
     def shear_mpa(self) -> float:
         """Shear modulus of the silicone that it learned on; that of the default one where it does not say it."""
-        return shear_mpa_of(self.identity)
+        return recorded_shear_mpa(self.identity)
 
     @cached_property
     def load_scale(self) -> float:

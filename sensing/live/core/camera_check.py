@@ -52,14 +52,12 @@ class CameraCheck:
     ) -> None:
         self.rest = rest
         self.message = "" if rest.misfit.fits else _advice(endcap, rest)
-        fits = rest.misfit.fits or rest.found
         known = rest.known(endcap.params, seen.tracker.size)
-        doubts = {} if fits else {FLAG: "the camera does not fit the reference"}
+        doubts = {} if known else {FLAG: "the camera does not fit the reference"}
         doubts |= picture_doubts(zero.image, seen.tracker.reference_px, endcap.params, known)
         self.flags, self.reason = frozenset(doubts), "; ".join(doubts.values())
-        uncertain = rest.camera or nominal_mount(endcap.params, *seen.tracker.size)
-        if not fits:
-            uncertain = _with_misfit(uncertain, rest.misfit)
+        assumed = rest.camera or nominal_mount(endcap.params, *seen.tracker.size)
+        uncertain = known or _with_misfit(assumed, rest.misfit)
         self._spread = (
             CameraSpread(seen, estimator, uncertain)
             if isinstance(estimator, WrenchModel) and uncertain.covariance is not None

@@ -226,7 +226,7 @@ def _parser() -> argparse.ArgumentParser:
     force.add_argument("--netft", metavar="HOST", help="address of an ATI NetFT")
     force.add_argument("--ft-csv", type=Path, metavar="FILE", help="samples with time_s on the frames' clock")
     parser.add_argument("--mount", type=Path, required=True, metavar="FILE", help="how the sensor is mounted (JSON)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; an own one is continued")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder; of an earlier run: continued")
     add_design_arguments(parser)
     parser.add_argument(
         "--silicone",
@@ -235,9 +235,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"of the endcap, cad/materials.csv ({DEFAULT_SILICONE})",
     )
-    parser.add_argument("--slop", type=number, default=SLOP_S, metavar="S", help=f"farthest sample ({SLOP_S:g})")
-    parser.add_argument("--rest", type=whole, default=REST_FRAMES, metavar="N", help=f"untouched ({REST_FRAMES})")
-    parser.add_argument("--frames", type=whole, metavar="N", help="stop after so many")
+    parser.add_argument("--slop", type=number, default=SLOP_S, metavar="S", help=f"longest from a frame ({SLOP_S:g})")
+    parser.add_argument(
+        "--rest", type=whole, default=REST_FRAMES, metavar="N", help=f"first, untouched frames ({REST_FRAMES})"
+    )
+    parser.add_argument("--frames", type=whole, metavar="N", help="stop after so many frames")
     parser.add_argument("--port", type=whole, default=49152, metavar="N", help="of the NetFT (49152)")
     parser.add_argument("--ft-rate", type=number, metavar="HZ", help="counts a second of the NetFT (found out)")
     parser.add_argument("--ft-delay", type=number, metavar="S", help="network delay of a sample (half the answer time)")

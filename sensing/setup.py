@@ -284,7 +284,7 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--camera", metavar="N[,N]", help="only these cameras (default: all that are found)")
     where.add_argument("--url", action="append", metavar="URL", help="MJPEG over HTTP; again for another endcap")
     parser.add_argument("--out", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
-    parser.add_argument("--model", choices=known_models(), default="default")
+    parser.add_argument("--model", choices=known_models(), default="default", help="default: ours")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights of the model, else those that ship")
     add_design_arguments(parser)
     parser.add_argument(
@@ -292,7 +292,7 @@ def _parser() -> argparse.ArgumentParser:
         help=f"it is cast of ({DEFAULT_SILICONE})"
     )  # fmt: skip
     parser.add_argument("--exposure", type=number, default=0.0, metavar="V", help="fixed exposure, the driver's unit")
-    parser.add_argument("--weight", type=number, default=0.0, metavar="N", help="of the robot, for the force sum")
+    parser.add_argument("--weight", type=number, default=0.0, metavar="N", help="of the robot, N: for the force sum")
     return parser
 
 

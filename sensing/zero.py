@@ -54,6 +54,9 @@ MEANING = {
 }
 
 DAMAGED = "damaged"
+TAKE = "average frames of the untouched sensor and store them (zero, re-zero)"
+CHECK = "say what has changed: nothing, lamp, mounting, hidden dots or contact"
+WATCH = "print changes as they come; renew the file when surely untouched"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -198,17 +201,18 @@ def _parser() -> argparse.ArgumentParser:
         "Bad input: one line on stderr, exit status 2.",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    take = commands.add_parser("take", help="average frames of the untouched sensor and store them (zero, re-zero)")
+    take = commands.add_parser("take", help=TAKE)
     take.add_argument("--sensor", default="endcap", help="name of the sensor")
     take.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="replaced when it is there")
     add_design_arguments(take.add_argument_group("of the endcap, which live compares"), with_defaults=False)
     take.set_defaults(run=_take)
-    check = commands.add_parser("check", help="say what has changed: nothing, lamp, mounting, hidden dots or contact")
+    check = commands.add_parser("check", help=CHECK)
     check.set_defaults(run=_check)
-    watch = commands.add_parser("watch", help="print changes as they come; renew the file when surely untouched")
+    watch = commands.add_parser("watch", help=WATCH)
     watch.add_argument("--still", type=_seconds, default=30.0, help="untouched and still for so many seconds (30)")
     watch.set_defaults(run=_watch)
-    for command in (take, check, watch):
+    for command, words in zip((take, check, watch), (TAKE, CHECK, WATCH), strict=True):
+        command.description = f"{words[0].upper()}{words[1:]}."
         command.add_argument("--source", required=True, help="camera number, address, folder or video")
     for command in (take, check):
         command.add_argument("--frames", type=_count, default=30, help="frames to use (30)")

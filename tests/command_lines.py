@@ -40,6 +40,28 @@ def refusal(command: str) -> str:
     return _refusal(module, arguments) if module.split(".")[0] == "sensing" and module not in WITHOUT_PARSER else ""
 
 
+def parser_of(module: str) -> argparse.ArgumentParser | None:
+    """The parser of a module's command line; none where it has one of its own making.
+
+    Args:
+        module: of ``python -m``.
+    """
+    made: list[argparse.ArgumentParser] = []
+
+    def stop(parser: argparse.ArgumentParser, *given: object, **named: object) -> None:
+        made.append(parser)
+        raise Parsed
+
+    with patch.object(argparse.ArgumentParser, "parse_args", stop):
+        try:
+            _main_of(module)([])
+        except Parsed:
+            return made[0]
+        except SystemExit:
+            return None
+    return None
+
+
 def _refusal(module: str, arguments: Sequence[str]) -> str:
     parse = argparse.ArgumentParser.parse_args
 

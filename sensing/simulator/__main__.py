@@ -83,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _press_text() -> str:
-    return "Example: python -m sensing.simulator press --tilt 30 --normal 20 --friction 0.5"
+    return "Press the shell once. Example: python -m sensing.simulator press --tilt 30 --normal 20 --friction 0.5"
 
 
 def _shell_options(parser: argparse.ArgumentParser) -> None:

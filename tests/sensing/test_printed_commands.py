@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import html
 import re
@@ -11,7 +12,7 @@ from types import SimpleNamespace
 
 import cv2
 import pytest
-from command_lines import refusal
+from command_lines import parser_of, refusal
 from test_architecture import ROOT
 
 from cad.errors import FileError
@@ -133,3 +134,36 @@ def is_text(node: ast.AST) -> bool:
 )  # fmt: skip
 def test_a_command_that_does_not_parse_is_seen(command):
     assert refusal(command)
+
+
+def unexplained(parser: argparse.ArgumentParser) -> list[str]:
+    """Options without a word of help and commands without a description, of a parser and those below it."""
+    found = [] if parser.description else [parser.prog]
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            found += [name for below in action.choices.values() for name in unexplained(below)]
+        elif not action.help:
+            found.append(f"{parser.prog} {'/'.join(action.option_strings) or action.dest}")
+    return found
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "setup",
+        "live",
+        "zero",
+        "record",
+        "train",
+        "evaluate",
+        "calibrate",
+        "field",
+        "simulator",
+        "weigh",
+        "dwell",
+        "robot",
+    ],
+)
+def test_help_has_words_for_each_command_and_option(module):
+    parser = parser_of(f"sensing.{module}")
+    assert parser is not None and unexplained(parser) == []

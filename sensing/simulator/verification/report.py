@@ -38,7 +38,32 @@ from sensing.simulator.verification import reduced as verify_reduced
 from sensing.simulator.verification import solid as verify_solid
 from sensing.simulator.verification.levels import rms, table
 
-HEAD = "# Verification of the simulator\n\nWritten by `python -m sensing.simulator.verification`; do not edit.\n"
+HEAD = """# Verification of the simulator
+
+Written by `python -m sensing.simulator.verification`; do not edit.
+
+Is the [simulator](simulator.md) right? Each section compares one of its levels with something known independently:
+
+| section | compared with |
+|---|---|
+| The solid | closed forms and textbook cases of elasticity, at several Poisson's ratios nu and finer meshes |
+| Contact | the closed forms of Hertz, of Cattaneo and Mindlin, and of Reissner |
+| The shell | other material laws: how much the choice of the law and of nu changes |
+| CalculiX | another finite-element code, on the same mesh |
+| Level 2, 3 and 4 | the next more exact level, at the same loads |
+| Hard cases | nothing: each must converge with a certificate, or be refused with a reason |
+
+Words of the tables:
+
+- *Markers* are the displacements of the painted dots. A *marker error*, *change* or *gap* is the rms difference of all
+  markers over their rms; a *force gap* is the norm of the difference over the norm.
+- *Estimate* is the error that the level itself states; *fall-backs* are the states that it handed to the more exact
+  level.
+- *States/s* are solved states a second of processor time.
+- Of a hard case: *residual* is the norm of the forces out of balance over that of the contact forces, *wrench* the
+  largest difference of contact and clamp wrench over the load, *penetration* the depth by which the surface enters the
+  body at the points where contact is computed (in brackets, between them). N is the normal force, T the tangential one.
+"""
 ORDER = ("The solid", "Contact", "The shell", "CalculiX", "Level 2", "Level 3", "Level 4", "Hard cases")
 HARD_PARTS = 4  # sections, so that none takes many minutes
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)

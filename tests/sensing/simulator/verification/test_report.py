@@ -15,6 +15,13 @@ def test_the_report_is_in_order() -> None:
     assert titles == sorted(titles, key=verify._place)
 
 
+def test_the_report_begins_with_what_is_compared_and_what_the_words_of_its_tables_mean() -> None:
+    text = REPORT.read_text(encoding="utf-8")
+    assert text.startswith(verify.HEAD)
+    assert [name for name in verify.ORDER if f"| {name}" not in verify.HEAD and not name.startswith("Level")] == []
+    assert all(f"*{word}*" in verify.HEAD.lower() for word in ("markers", "estimate", "fall-backs", "residual"))
+
+
 def test_renewing_one_section_keeps_the_others_and_the_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = REPORT.read_text(encoding="utf-8")
     (tmp_path / "verification.md").write_text(known, encoding="utf-8")

@@ -146,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         show(f"endcap {cad.__version__}")
         return 0
     if words[0] not in SUBCOMMANDS:
-        LOG.error(f"endcap: {words[0]!r} is not a command{_nearest(words[0])}; endcap --help lists them")
+        LOG.error(f"endcap: {words[0]!r} is not a command{_nearest(words[0])} endcap --help lists them")
         return 2
     return run(SUBCOMMANDS[words[0]], words[1:])
 
@@ -211,4 +211,4 @@ def _nearest(word: str) -> str:
     from difflib import get_close_matches
 
     near = get_close_matches(word.lower().lstrip("-"), SUBCOMMANDS, n=1, cutoff=0.5)
-    return f": did you mean endcap {near[0]}?" if near else ""
+    return f": did you mean endcap {near[0]}?" if near else ":"

@@ -230,7 +230,8 @@ class CsvFt:
                 _require_columns(path, list(reader.fieldnames or ()))
                 rows = [self._numbers(row, number) for number, row in enumerate(reader, 2)]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
-            raise FileError(f"{path}: cannot read ({error}): give a CSV file of force/torque samples") from error
+            said = getattr(error, "strerror", None) or error  # without the path, which stands before it
+            raise FileError(f"{path}: cannot read ({said}): give a CSV file of force/torque samples") from error
         if not rows:
             raise FileError(f"{path}: no sample in it: record the sensor, or give another file")
         self._rows = rows

@@ -112,7 +112,7 @@ def _load(path: str) -> tuple[Array, Array]:
         with np.load(path, allow_pickle=False) as archive:
             found = {name: np.asarray(archive[name]) for name in ("surface_mm", "displacement_mm")}
     except OSError as error:
-        raise FileError(f"{path}: cannot read ({error})") from error
+        raise FileError(f"{path}: cannot read ({error.strerror or error}): give a file of numpy, .npz") from error
     except (KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"{path}: need arrays surface_mm and displacement_mm ({error})") from error
     for name, array in found.items():

@@ -252,3 +252,11 @@ def test_a_column_that_stands_twice_is_refused(tmp_path):
     path.write_text(",".join([*CSV_COLUMNS, "time_s"]) + "\n0,0,0,0,0,0,0,9\n")
     with pytest.raises(FileError, match="more than one column time_s"):
         CsvFt(path)
+
+
+def test_a_file_that_is_not_there_is_named_once(tmp_path):
+    path = tmp_path / "none.csv"
+    with pytest.raises(FileError) as refused:
+        CsvFt(path)
+    assert str(refused.value).startswith(f"{path}: cannot read (No such file or directory): give")
+    assert "Errno" not in str(refused.value)

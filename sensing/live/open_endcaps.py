@@ -33,9 +33,10 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     models = models or configured_models(config)
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
-        feed, live = open_feed(endcap, speed)
+        model = models(endcap)  # before the feed: the first start of the simulated robot renders for some time
         zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
-        pipeline = EndcapPipeline(endcap, models(endcap), zero, number, ZERO_FRAMES if live else 1)
+        feed, live = open_feed(endcap, speed)
+        pipeline = EndcapPipeline(endcap, model, zero, number, ZERO_FRAMES if live else 1)
         if isinstance(feed, FileFeed):
             _require_first(feed, pipeline)
         endcaps.append(LiveEndcap(feed, pipeline))

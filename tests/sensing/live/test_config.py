@@ -10,6 +10,7 @@ import pytest
 from live_stand_in import stand_in
 
 from cad.errors import FileError, ParameterError
+from sensing.live import open_endcaps as opening
 from sensing.live.cli import main
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.endcaps_file import EXAMPLE, NO_KEYS, load_config, save_config
@@ -99,3 +100,11 @@ def test_bad_input_ends_with_one_line_and_status_2(arguments, capsys, monkeypatc
     monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
     assert main(arguments) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_weights_that_cannot_be_read_are_refused_before_the_simulated_robot_is_rendered(tmp_path, monkeypatch):
+    (tmp_path / "w.safetensors").write_bytes(b"no weights")
+    monkeypatch.setattr(opening, "open_feed", lambda *_: pytest.fail("opened first"))
+    config = LiveConfig((EndcapConfig("endcap_0", "scene:0"),), weights=tmp_path / "w.safetensors")
+    with pytest.raises(FileError, match="damaged weights"):
+        opening.open_endcaps(config)

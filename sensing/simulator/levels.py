@@ -62,6 +62,7 @@ RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted 
 TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 STEP_N = 5.0  # of one press
+Answer = Callable[[Target], SceneState]
 MOST_N = 10_000.0  # E: above what any shell bears within the depths that are modelled
 
 
@@ -123,16 +124,12 @@ class Simulator:
         Raises:
             Refusal: the state at that target has no trustworthy answer; those before it stand.
         """
-        half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
-        walk = self.walk(scene, half, began_s)
-        for target in targets:
-            found = self._library.answer(scene, target) if self._library else None
-            yield found if found is not None else walk(target)
+        yield from map(self._answers(scene, targets, began_s), targets)
 
     def press(
         self, normal_n: float, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0), **scene: Any
     ) -> SceneState:
-        """One press from the untouched shell, in steps of about 5 N.
+        """One press from the untouched shell, in steps of about 5 N; those that the mesh cannot feel are skipped.
 
         Args:
             normal_n: force along the inward normal at first touch, N.
@@ -144,20 +141,23 @@ class Simulator:
             Refusal: the state has no trustworthy answer.
         """
         if not normal_n <= MOST_N:
-            raise Refusal(
-                "range",
-                f"normal_n={normal_n:g} outside 0..{MOST_N:g} N: no shell bears more within "
-                "the depths that are modelled",
-            )
+            limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
+            raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
         friction = float(scene.pop("friction", 0.5))
         steps = max(1, round(normal_n / STEP_N))
         targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
         if any(shift_mm):
             targets.append(Target(normal_n=normal_n, shift_mm=shift_mm))
-        *_, last = self.follow(Scene(Indenter(tilt_deg, **scene), friction), targets)
-        return last
+        answer = self._answers(Scene(Indenter(tilt_deg, **scene), friction), targets)
+        for target in targets:
+            try:
+                state = answer(target)
+            except Refusal as refusal:  # a small body lies between the points of contact until it is pressed deeper
+                if refusal.reason != "mesh" or target.normal_n == normal_n:
+                    raise
+        return state
 
-    def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Callable[[Target], SceneState]:
+    def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Answer:
         """A function that goes from state to state, for a path that is not known beforehand; never from the library.
 
         Args:
@@ -203,10 +203,8 @@ class Simulator:
             )
         found = self._library.bulk(tilt_deg, normal_n, tangential_n, friction, azimuth_deg)
         for k in np.flatnonzero(found.level == 2):
-            force = (float(tangential_n[k, 0]), float(tangential_n[k, 1]))
-            state = self.walk(Scene(Indenter(float(tilt_deg[k])), friction))(
-                Target(float(normal_n[k]), tangential_n=force)
-            )
+            target = Target(float(normal_n[k]), tangential_n=(float(tangential_n[k, 0]), float(tangential_n[k, 1])))
+            state = self.walk(Scene(Indenter(float(tilt_deg[k])), friction))(target)
             found.marker_mm[k] = self.markers(state, azimuth_deg)
             found.wrench[k] = turn_wrench(state.wrench, azimuth_deg)
             found.error_estimate[k], found.level[k] = state.error_estimate, state.level
@@ -230,6 +228,12 @@ class Simulator:
             state: of the scene. camera: that sees the dots. azimuth_deg: of the contact.
         """
         return shown_mm(self.geometry, self._shell.outlines(azimuth_deg).sample(state.surface_mm), camera)
+
+    def _answers(self, scene: Scene, targets: Sequence[Target], began_s: float = 0.0) -> Answer:
+        """What answers the targets in turn: the library where it can, else a walk from the untouched shell."""
+        half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
+        walk, library = self.walk(scene, half, began_s), self._library
+        return lambda target: (library.answer(scene, target) if library else None) or walk(target)
 
     def _reduced_model(self, indenter: Indenter, half: bool) -> ReducedModel | None:
         """Level 3's model, trained when first asked for; None where level 2 must do: other bodies, or a shell that

@@ -30,6 +30,7 @@ from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.press.tangential import tangential_n
+from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid import elasticity as elastic
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
@@ -42,7 +43,7 @@ MAX_ELEMENTS = 60
 REACH = 1.0  # of the tangents' interpolation, in median distances of the training states
 RIDGE = 1e-6  # added to its kernel's diagonal of ones
 FACE_MARGIN_MM = 4.0  # faces that came nearer than this to the body in training may touch
-NORMAL_N = (0.5, 38.0)
+NORMAL_N = (0.5, 38.0)  # of D=130 T=8 in Smooth-Sil 950, as is the stiffness below; of others in proportion
 CONE = 0.95  # T / N of the paths, at friction 1
 FRICTION = 1.0
 STIFFNESS_N_MM = 4.5  # tangential, to steer the paths (E)
@@ -118,14 +119,16 @@ def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> l
         Refusal: too few states could be solved.
     """
     rng = np.random.default_rng(seed)
-    half = fast.press.model.half
+    model = fast.press.model
+    scale = LoadScale.of(model.geometry, model.solid.law.shear_mpa)
     found: list[State] = []
     for _ in range(5):
         state, shift, pull = fast.start(), np.zeros(2), np.zeros(2)
-        for normal, wanted in _winding(rng, states - len(found), half):
-            shift = shift + (wanted - pull) / STIFFNESS_N_MM
+        for normal, wanted in _winding(rng, states - len(found), model.half):
+            shift = shift + scale.shift * (wanted - pull / scale.force) / STIFFNESS_N_MM
+            load = scale.force * normal
             try:
-                state = fast.advance(state, Target(normal_n=normal, shift_mm=(float(shift[0]), float(shift[1]))))
+                state = fast.advance(state, Target(normal_n=load, shift_mm=(float(shift[0]), float(shift[1]))))
             except Refusal:
                 break
             pull = np.array(tangential_n(state, fast.press.frame))

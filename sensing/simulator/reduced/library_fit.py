@@ -24,6 +24,7 @@ from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show, transient
+from cad.whole_file import make_folder, require_place
 from sensing.arguments import number, silicone_name, whole
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -32,12 +33,13 @@ from sensing.simulator.press.state import Refusal
 from sensing.simulator.reduced.basis import mirrored
 from sensing.simulator.reduced.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
 from sensing.simulator.scene import Scene, SceneState
+from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import Index
 
 TILTS_DEG = (0.0, 7.0, 17.0, 28.0, 39.0, 48.0, 54.0)  # denser at the ends, against the wiggles of Runge
-NORMAL_N = (1.0, 38.0)
+NORMAL_N = (1.0, 38.0)  # of D=130 T=8 in Smooth-Sil 950, as is the stiffness below; of others in proportion
 CONE = 0.7  # largest T / N
 FRICTION = 0.9
 DEGREE = 5
@@ -58,7 +60,7 @@ class Sample:
 
 
 def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> Iterator[tuple[float, Array]]:
-    """Normal force and tangential force (2,) asked for, N, state by state.
+    """Normal force and tangential force (2,) asked of D=130 T=8 in Smooth-Sil 950, N, state by state.
 
     Args:
         rng: source of the path's random numbers. states: how many. cone: largest T / N.
@@ -84,14 +86,15 @@ def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, f
     """
     rng = np.random.default_rng([seed, round(1000 * tilt_deg)])
     scene = Scene(Indenter(tilt_deg), friction)
+    scale = LoadScale.of(simulator.geometry, simulator.law.shear_mpa)
     found: list[Sample] = []
     for _ in range(5):
         walk = simulator.walk(scene, half=False)
         shift, tangential = np.zeros(2), np.zeros(2)
         for normal, wanted in winding_path(rng, states - len(found), min(CONE, 0.9 * friction)):
-            shift = shift + (wanted - tangential) / STIFFNESS_N_MM
+            shift = shift + scale.shift * (wanted - tangential / scale.force) / STIFFNESS_N_MM
             try:
-                state = walk(Target(normal_n=normal, shift_mm=(float(shift[0]), float(shift[1]))))
+                state = walk(Target(normal_n=scale.force * normal, shift_mm=(float(shift[0]), float(shift[1]))))
             except Refusal as refusal:
                 LOG.info(f"tilt {tilt_deg:g}: {refusal}")
                 break
@@ -241,6 +244,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         law = silicone(options.silicone).neo_hooke()
+        make_folder(options.out.parent)
+        require_place(options.out)  # before minutes are spent
         simulator = Simulator(shell_geometry(options.diameter, options.wall), law, options.density)
         library = fit_library(simulator, options.states, options.seed)
         library.save(options.out)

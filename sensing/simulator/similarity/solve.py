@@ -20,6 +20,7 @@ import numpy as np
 from cad.errors import EndcapError, ParameterError
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, show
+from cad.whole_file import make_folder, require_place
 from sensing.arguments import whole
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.states import PathState, path_states
@@ -161,7 +162,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         numbers = range(len(NODES)) if options.node is None else [options.node]
         if not all(0 <= number < len(NODES) for number in numbers):
             raise ParameterError(f"node={options.node} outside 0..{len(NODES) - 1}", name="node", value=options.node)
-        options.out.mkdir(parents=True, exist_ok=True)
+        make_folder(options.out)
+        if options.node is None:
+            require_place(options.library)  # before an hour is spent
         for number in numbers:
             _solve(NODES[number], options.out, load_library(options.library) if options.keep else None)
         if options.node is None:

@@ -22,7 +22,7 @@ from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
 from cad.messages import LOG, show, transient
-from cad.whole_file import put_file
+from cad.whole_file import make_folder, put_file, require_place
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import State
@@ -79,7 +79,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     path = options.out / "verification.md"
     try:
-        options.out.mkdir(parents=True, exist_ok=True)
+        make_folder(options.out)
+        require_place(path)
         parts = _read(path)
         for name in options.only:
             begin = time.process_time()

@@ -116,6 +116,14 @@ def test_a_force_that_no_shell_bears_is_refused_at_once(simulator: Simulator, no
         simulator.press(normal_n)
 
 
+def test_a_press_passes_loads_that_its_mesh_cannot_feel() -> None:
+    simulator = Simulator(shell_geometry(243, 21), LAW, "data", level=1)
+    bump = {"tilt_deg": 40.0, "kind": "sphere", "radius_mm": 33.0}
+    with pytest.raises(Refusal, match=r"^mesh: the sphere .* or press deeper"):
+        simulator.press(5.0, **bump)
+    assert simulator.press(20.0, **bump).normal_n == pytest.approx(20.0)  # its steps begin at 5 N
+
+
 def test_the_command_names_itself(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(["press", "--tilt", "200"]) == 2
     assert capsys.readouterr().err.startswith("sensing.simulator: tilt_deg=200 outside")

@@ -11,6 +11,7 @@ from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
+from sensing.simulator.press.state import Refusal
 from sensing.simulator.reduced import library_fit
 from sensing.simulator.reduced.library import Library, lagrange_terms, polynomial_terms
 from sensing.simulator.scene import Scene
@@ -127,3 +128,27 @@ def test_terms_are_the_polynomials_they_name() -> None:
     assert np.allclose(polynomial_terms(powers, x), exact)
     nodes = np.array([0.0, 1.0, 4.0])
     assert np.allclose(lagrange_terms(nodes, x[:, 0]) @ nodes**2, x[:, 0] ** 2)
+
+
+def test_a_soft_shell_is_fitted_in_its_own_newtons(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def refused(target: Target) -> None:
+        asked.append(target.normal_n or 0.0)
+        raise Refusal("range", "asked only")
+
+    soft = Simulator(GEOMETRY, silicone("Ecoflex 00-30").neo_hooke(), "draft", level=2)
+    monkeypatch.setattr(soft, "walk", lambda *_, **__: refused)
+    with pytest.raises(Refusal, match="only 0 of 8 states"):
+        library_fit.sample_tilt(soft, TILT, 8, 0, FRICTION)
+    assert min(asked) > 0.05 and max(asked) < 2.3  # its range ends at 2.0 N
+
+
+def test_a_place_for_the_library_is_made_or_refused_before_minutes_are_spent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], library: Library
+) -> None:
+    monkeypatch.setattr(library_fit, "fit_library", lambda *_: library)
+    assert library_fit.main(["--density", "draft", "--out", str(tmp_path / "build" / "library.npz")]) == 0
+    monkeypatch.setattr(library_fit, "fit_library", lambda *_: pytest.fail("fitted, and nowhere to put it"))
+    assert library_fit.main(["--density", "draft", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"sensing.simulator.reduced.library_fit: {tmp_path}: ")

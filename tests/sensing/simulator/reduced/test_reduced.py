@@ -13,7 +13,7 @@ from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.reduced import press as reduced_press
-from sensing.simulator.reduced.basis import ReducedModel, sparse_weights
+from sensing.simulator.reduced.basis import ReducedModel, sparse_weights, training_states
 from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import shell_geometry
@@ -181,3 +181,16 @@ def test_a_shell_that_cannot_be_trained_is_left_to_level_2(monkeypatch: pytest.M
     monkeypatch.setattr("sensing.simulator.levels.trained", refused)
     simulator = Simulator(GEOMETRY, LAW, "draft", level=3)
     assert [s.level for s in simulator.follow(Scene(TILTED, 0.4), PATH[:2])] == [1, 2]
+
+
+def test_training_goes_as_far_as_the_shell_bears(monkeypatch: pytest.MonkeyPatch) -> None:
+    """38 N are of D=130 T=8 in Smooth-Sil 950: a soft shell is crushed by them, a thick one hardly pressed."""
+    asked = {}
+    for name, design, material in (("soft", (130, 8), "Ecoflex 00-30"), ("thick", (243, 21), "Smooth-Sil 950")):
+        law = silicone(material).neo_hooke()
+        press = FrozenPress(Press(shell_model(shell_geometry(*design), law, "draft", half=True), TILTED, 1.0))
+        targets: list[Target] = []
+        monkeypatch.setattr(press, "advance", lambda state, target, targets=targets: targets.append(target) or state)
+        training_states(press, 40)
+        asked[name] = max(target.normal_n or 0.0 for target in targets)
+    assert 1.5 < asked["soft"] < 2.3 and 180 < asked["thick"] < 270  # the ranges of their weights are 2.0 and 241 N

@@ -14,6 +14,7 @@ from cad.params import EndcapParams
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.protocols.scaled import scaled
+from sensing.simulator.similarity import solve
 from sensing.simulator.similarity.labelled import library_source, shell_of, with_azimuths, write_labelled
 from sensing.simulator.similarity.library import (
     FILE,
@@ -186,3 +187,12 @@ def test_paths_are_those_of_no_protocol_and_press_to_the_range():
     assert len(set(numbers)) == len(numbers)
     loads = [p.target.normal_n for path in stand_paths() for p in path.waypoints]
     assert max(loads) == pytest.approx(35.0)
+
+
+def test_no_place_for_a_library_is_one_line_before_an_hour_is_spent(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(solve, "_solve", lambda *_: pytest.fail("solved, and nowhere to put it"))
+    (file := tmp_path / "file").write_text("no folder")
+    assert solve.main(["--out", str(file)]) == 2
+    assert solve.main(["--out", str(tmp_path / "nodes"), "--library", str(tmp_path / "none" / "library.npz")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and f"{file}: " in said[0] and "none/library.npz: " in said[1]

@@ -45,7 +45,7 @@ options, as NAME=VALUE:
                    (0.05 to about 0.21; the widest, by the leak, depends on size and silicone and is stated at once)
   material='Smooth-Sil 950'   silicone: {materials}
   robot=iso_9409_1_50_4_m6   what the arm adapter is screwed to: {robots}
-  printer=generic256   refuses at once what its bed is too small for, and is noted for the page and the build sheet:
+  printer=generic256   refuses at once what its bed is too small for, and is noted for slices, page and build sheet:
                    {printers}
   exports=DIR      folder that receives D130_T8/ (default: exports/)
   cache=no         make everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit/molds), or kept

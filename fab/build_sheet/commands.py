@@ -14,7 +14,7 @@ from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
 from fab.slice.printers import printer_words
-from fab.variant import Variant, coupons_command
+from fab.variant import Variant, coupons_command, printer_option
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
@@ -28,7 +28,10 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
         data: of the sheet.
         printer: that is named; by default the sheet's own, where it is not the one that make takes by itself.
     """
-    named = printer_words(printer or (data.molds_printer if target == "molds" else data.printer))
+    chosen = printer or (data.molds_printer if target == "molds" else data.printer)
+    named = printer_words(chosen)
+    if target != "molds" and not named and data.molds_printer != chosen:  # else that of the molds would be taken
+        named = f" {printer_option(chosen)}"
     return f"{Variant(data.layout, data.robot).command(target)}{named}{data.exports_option}"
 
 

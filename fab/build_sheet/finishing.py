@@ -84,7 +84,8 @@ def _gore_blocks(params: EndcapParams) -> list[Block]:
         ),
         ruler(),
         Paragraph(
-            f"They find dents that are hard to see. Cut a gore out, punch its dots out {params.dot_mm:g} mm wide, and "
+            "They find dents that are hard to see. Cut a gore out (where its outline crosses a dot, cut 2 mm round the "
+            f"dot, as at the tip), punch its dots out {params.dot_mm:g} mm wide, and "
             "lay it into the dome from the tip, print toward you, its middle at the azimuth below it: a dent lies "
             "under every hole. Azimuth counts clockwise as you look into the dome, print toward you: gore 1 lies on "
             "the line marked 0, the others follow clockwise. Lay it in again when the ink is dry: a hole without ink "

@@ -17,7 +17,6 @@ from fab.command import VARIANT_DEFAULTS, VARIANT_USAGE, Command, Interrupts, pa
 from fab.exports.whole_folder import whole_folder, write_record
 from fab.progress import Progress
 from fab.slice.printers import DEFAULT_PRINTER, Printer, printer, printers
-from fab.variant import Variant
 from fab.workers import worker_pool
 
 if TYPE_CHECKING:
@@ -33,8 +32,8 @@ options, as NAME=VALUE:
   D=130 T=8        the design; `make molds` with the same options must have run
   joint_clearance=0.15  material='Smooth-Sil 950'  robot=  dots=  dot_mm=  gyroid=   its variant
   exports=DIR      folder that holds D130_T8/ (default: exports/)
-  printer=generic256   {printers}
-                   (beds, levelling and preset names: fab/slice/printers.csv)
+  printer=NAME     {printers}
+                   (default: that of `make molds`, generic256 where it named none; rows of fab/slice/printers.csv)
   plates=nested    parts side by side on as few plates as fit; single: one job for each part
   parts=all        or names with commas, for example parts=interface_infill,base: only these are sliced, each by itself,
                    and nothing is written
@@ -49,7 +48,7 @@ COMMAND = Command(
     f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [plates=single] [parts=NAMES] [gcode=yes] [cache=no]",
     "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
     HELP,
-    {**VARIANT_DEFAULTS, "printer": DEFAULT_PRINTER, "plates": "nested", "parts": "all", "gcode": "no", "cache": "yes"},
+    {**VARIANT_DEFAULTS, "printer": "", "plates": "nested", "parts": "all", "gcode": "no", "cache": "yes"},
 )
 
 
@@ -66,14 +65,19 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
             raise ParameterError(f"{name}={options[name]} is neither yes nor no", name=name)
     if options["plates"] not in ("nested", "single"):
         raise ParameterError(f"plates={options['plates']} is neither nested nor single", name="plates")
+    asked = printer(options["printer"]) if options["printer"] else None
+    from fab.slice.projects import read_export
+    from fab.slice.run import find_slicer
+
+    slicer, export = find_slicer(), read_export(variant, Path(options["exports"]))
     how = SliceOptions(
-        printer(options["printer"]),
+        asked or printer(str(export.manifest.get("printer", DEFAULT_PRINTER))),
         options["plates"] == "nested",
         options["parts"],
         options["gcode"] == "yes",
         options["cache"] == "yes",
     )
-    return slice_design(variant, Path(options["exports"]), how, interrupts.raise_swallowed)
+    return slice_design(slicer, export, how, interrupts.raise_swallowed)
 
 
 @dataclass(frozen=True)
@@ -95,12 +99,12 @@ class SliceOptions:
     use_cache: bool = True
 
 
-def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callable[[], None] = lambda: None) -> int:
+def slice_design(slicer: str, export: Export, how: SliceOptions, ask: Callable[[], None] = lambda: None) -> int:
     """Slice an exported design.
 
     Args:
-        variant: what was exported.
-        exports: folder that holds ``variant.label``.
+        slicer: PrusaSlicer's program.
+        export: as read.
         how: printer, plates and parts.
         ask: raises where the command was interrupted and a library swallowed that.
 
@@ -109,15 +113,11 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
 
     Raises:
         ChecksFailedError: a gate did not hold; nothing is left.
-        SlicerMissingError: PrusaSlicer is not installed.
-        FileError: no export, or a file cannot be read or written.
+        FileError: a file cannot be read or written.
         ParameterError: a part does not fit the printer's bed.
     """
-    from fab.slice.projects import project_names, read_export, single_plates
-    from fab.slice.run import find_slicer
+    from fab.slice.projects import project_names, single_plates
 
-    slicer = find_slicer()
-    export = read_export(variant, exports)
     known = project_names(export)
     names = known if how.parts == "all" else how.parts.split(",")
     if strangers := sorted(set(names) - set(known)):
@@ -128,7 +128,8 @@ def slice_design(variant: Variant, exports: Path, how: SliceOptions, ask: Callab
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
             plates = single_plates(names)
             checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False), ask)[1]
-        show(f"{variant.label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
+        label = export.variant.label
+        show(f"{label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
         return 0
     plates = _side_by_side(export, how.printer, ask) if how.is_nested else single_plates(names)
     with whole_folder(export.folder / FOLDER, RECORD, ask) as folder:

@@ -217,6 +217,7 @@ SLICED = {
         (SLICED, {}, "", "make slice D=142 T=7.5 printer=a1_mini plates=single"),
         (None, {"printer": "mk4"}, "", "run make slice D=142 T=7.5 printer=mk4, then make sheet"),
         (None, {"printer": "mk4"}, "x1c", "run make slice D=142 T=7.5 printer=x1c, then make sheet"),
+        (None, {"printer": "mk4"}, "generic256", "run make slice D=142 T=7.5 printer=generic256, then make sheet"),
         (None, {}, "", "run make slice D=142 T=7.5, then make sheet"),
     ],
 )

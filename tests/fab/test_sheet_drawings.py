@@ -11,6 +11,8 @@ from shapely import LinearRing, Point, box, unary_union
 
 from cad.dots import dot_pattern, dot_position_mm
 from cad.params import EndcapParams
+from fab.build_sheet import finishing
+from fab.build_sheet.blocks import Paragraph
 from fab.build_sheet.dots import first_light, gore_of, gores, ruler
 from fab.camera_view import camera_pixels, disc_px, dot_outline_px, dots_in
 from sensing.camera.nominal import nominal_mount
@@ -62,6 +64,19 @@ def test_labels_of_a_gore_lie_off_its_outline_every_dot_and_each_other(params):
 def test_every_gore_has_a_line_of_its_own_to_see_whether_the_printer_scales():
     for sheet in gores(EndcapParams(142.0, 7.5)):
         assert "M2 4V54" in sheet.svg and ">50 mm</text>" in sheet.svg
+
+
+@pytest.mark.parametrize("params", [EndcapParams(113.7, 7.9), EndcapParams(187.0, 14.5, (1, 6, 12, 16, 20))])
+def test_a_dot_that_the_outline_of_its_gore_crosses_is_not_cut_in_half(params):
+    crossed = 0
+    for sheet in gores(params):
+        corners = re.search(r'<path d="M([^Z]*)Z"', sheet.svg)[1].split("L")
+        outline = LinearRing([tuple(map(float, corner.split())) for corner in corners])
+        places = re.findall(r'<circle cx="([0-9.]+)" cy="([0-9.]+)"', sheet.svg)
+        crossed += sum(outline.distance(Point(float(x), float(y))) < params.dot_radius_mm for x, y in places)
+    assert crossed >= 4  # the one at the tip, in every size; others lie on the meridian between two gores
+    text = " ".join(block.text for block in finishing._gore_blocks(params) if isinstance(block, Paragraph))
+    assert "where its outline crosses a dot, cut 2 mm round the dot" in text
 
 
 def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():

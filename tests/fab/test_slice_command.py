@@ -122,7 +122,7 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
     from fab.checks.check import Check
 
     bad = SimpleNamespace(checks=[Check("base.empty_layers", 2, high=0)])
-    export = SimpleNamespace(folder=tmp_path, variant=SMALL_MOLD)
+    export = SimpleNamespace(folder=tmp_path, variant=SMALL_MOLD, manifest={})
     monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
     monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
     monkeypatch.setattr("fab.slice.projects.project_names", lambda _: ["base"])
@@ -133,6 +133,21 @@ def test_a_failing_gate_ends_with_status_1_and_leaves_nothing(tmp_path, capsys, 
     assert command.main(["D=100", "T=8", f"exports={tmp_path}"]) == 1
     assert "base.empty_layers = 2, wanted <= 0" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("manifest", "words", "expected"),
+    [({}, [], "generic256"), ({"printer": "mk4"}, [], "mk4"), ({"printer": "mk4"}, ["printer=X1C"], "x1c"),
+     ({"printer": "mk4"}, ["printer=generic256"], "generic256")],
+)  # fmt: skip
+def test_slices_are_for_the_printer_of_the_molds_where_none_is_named(manifest, words, expected, tmp_path, monkeypatch):
+    used = []
+    export = SimpleNamespace(folder=tmp_path, variant=SMALL_MOLD, manifest=manifest)
+    monkeypatch.setattr("fab.slice.run.find_slicer", lambda: "slicer")
+    monkeypatch.setattr("fab.slice.projects.read_export", lambda *_: export)
+    monkeypatch.setattr(command, "slice_design", lambda _slicer, _export, how, *_: used.append(how.printer.name) or 0)
+    assert command.main(["D=100", "T=8", f"exports={tmp_path}", *words]) == 0
+    assert used == [expected]
 
 
 def test_each_plate_has_its_own_seconds_whatever_its_neighbours_took(monkeypatch, caplog, tmp_path):

@@ -56,7 +56,9 @@ def parse_options(words: Sequence[str], defaults: Mapping[str, str]) -> dict[str
     given: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
-        if not equals or name not in defaults or not value:
+        if equals and not value and name in defaults:
+            raise ParameterError(f"{word!r} has no value: give {name}=..., or leave {name} out", name=name)
+        if not equals or name not in defaults:
             raise ParameterError(f"{word!r} is not an option: {_hint(word, defaults)}", name=name)
         if name in given:
             raise ParameterError(f"{name} is given twice ({given[name]} and {value}): give it once", name=name)

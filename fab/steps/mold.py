@@ -96,7 +96,7 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
             "upper half",
             "Lower the interface into the collar",
             (
-                "Gyroid up, nuts over the inner circle of holes.",
+                "Gyroid up, nuts over the circle of ten holes next to the collar.",
                 "{screws:hanger_to_interface} from below, hand-tight: TPU gives way.",
             ),
             (Move(("interface",), out, held),),

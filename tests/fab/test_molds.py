@@ -157,7 +157,7 @@ def test_the_cache_gives_the_same_bytes_without_building_anything(run, first):
         (["robot=blnk"], "did you mean blank?"),
         (["--fast"], "'--fast' is not an option"),
         (["D"], "'D' is not an option"),
-        (["D="], "'D=' is not an option"),
+        (["D="], "'D=' has no value: give D=..., or leave D out"),
     ],
 )
 def test_bad_input_gets_one_line_status_2_and_no_files(words, expected, tmp_path, capsys):

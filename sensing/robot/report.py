@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sensing.robot.contacts import LONGEST_GAP_S
@@ -27,12 +29,14 @@ NAN_3 = np.full(3, np.nan)
 UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)
 
 
-def report_of(state: State, measured_s: float, ignored: int, layout: Layout, settings: Settings) -> RobotEstimate:
+def report_of(
+    state: State, measured_s: float, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings
+) -> RobotEstimate:
     """The record of a state.
 
     Args:
         state: of the filter. measured_s: of the newest sample in it. ignored: samples left out so far.
-        layout, settings: of the estimator.
+        impossible: a line for each sensor whose numbers were lately beyond any. layout, settings: of the estimator.
     """
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()
@@ -45,7 +49,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
-        _health(state, ignored, layout, settings),
+        _health(state, ignored, impossible, layout, settings),
     )  # fmt: skip
 
 
@@ -122,8 +126,8 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
     return Hold((1 - rolls) * rest, rolls * rest, slips, free)
 
 
-def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> Health:
-    notes = _lost(state, layout)
+def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings) -> Health:
+    notes = [*impossible, *_lost(state, layout)]
     for bar, name in enumerate(layout.sensor_of_bar):
         label = layout.robot.bars[bar].name
         if name is None:
@@ -191,7 +195,7 @@ def _lost(state: State, layout: Layout) -> list[str]:
         )
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
-    if speed_sd > LOST_M_S:
+    if not speed_sd <= LOST_M_S:  # also where it is no number
         notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
     return notes
 

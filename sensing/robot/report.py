@@ -23,6 +23,7 @@ INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a 
 WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
 SOFTNESS_OFF = 3.0  # of Settings.softness_sd, by which no silicone differs: noise of the forces is taken for softness
 SILENT_LENGTHS_S = 0.2
+ASTRAY_S = 1.0  # E: of wrenches of no contact on the dome, which two supports at once make for moments
 LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
 ANEW_S = 10.0  # for which it is said that the estimate began anew
 NAN_3 = np.full(3, np.nan)
@@ -140,9 +141,14 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
         notes.append("accelerometer: no sample: shape and steps of the contacts only")
     if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
         notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
-    for endcap, reading_s in zip(layout.robot.endcaps, state.reading_s, strict=True):
-        if state.time_s - reading_s > LONGEST_GAP_S:
-            notes.append(f"{endcap.name}: no reading {_since(state.time_s - reading_s)}")
+    for number, endcap in enumerate(layout.robot.endcaps):
+        if (since := state.time_s - state.reading_s[number]) > LONGEST_GAP_S:
+            notes.append(f"{endcap.name}: no reading {_since(since)}")
+        elif state.time_s - state.astray_s[number] > ASTRAY_S:
+            notes.append(
+                f"{endcap.name}: its force and torque are of no contact on its dome: check the torque's unit, and that "
+                "it is about the centre of the mating plane"
+            )
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")

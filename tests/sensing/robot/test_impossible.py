@@ -73,3 +73,16 @@ def test_lengths_in_millimetres_are_named_before_there_is_an_estimate():
     feed(estimator, [replace(s, lengths_m=1000 * s.lengths_m) if isinstance(s, LengthSample) else s for s in SAMPLES])
     assert estimator.state() is None
     assert len(estimator.left_out()) == 9 and "outside 0..2.46" in estimator.left_out()[0]
+
+
+def test_wrenches_of_no_contact_on_the_dome_are_named():
+    """A torque in N mm: the line of action passes a dome at meters, so no contact counts and the place is lost."""
+    samples = standing_samples(ROBOT, 3.0, rate_hz=100.0, every=5)[1]
+    wrong = [replace(s, torque_nm=1000 * s.torque_nm) if isinstance(s, FootSample) else s for s in samples]
+    notes = []
+    for given in (samples, wrong):
+        estimator = RobotEstimator(ROBOT)
+        feed(estimator, given)
+        notes.append(estimator.state().health.notes)
+    named = [note.split(":")[0] for note in notes[1] if "of no contact on its dome" in note]
+    assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]

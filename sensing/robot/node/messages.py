@@ -107,7 +107,7 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
 def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message has it.
 
-    The covariance of the angular velocity is not estimated: its block is zero.
+    Covariances of velocity and angular velocity stand in the twist; what these share is left zero.
 
     Args:
         bar: the estimate. stamp_ns: wall time.

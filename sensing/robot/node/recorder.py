@@ -32,7 +32,8 @@ class RobotRecorder:
     """Writes one file.
 
     Args:
-        path: must not exist. robot: whose samples. description: bytes of its file.
+        path: must not exist. robot: whose samples. description: bytes of its file. wall_ns: wall time at which the
+            samples' clock was 0; None where that is the monotonic clock of this process.
 
     Attributes:
         samples, reports: written; once it failed, those that the file certainly holds. failed: why no more is written;
@@ -42,11 +43,11 @@ class RobotRecorder:
         FileError: the file exists or cannot be made.
     """
 
-    def __init__(self, path: Path, robot: TensegrityRobot, description: bytes) -> None:
+    def __init__(self, path: Path, robot: TensegrityRobot, description: bytes, wall_ns: int | None = None) -> None:
         self.path, self._robot = path, robot
         self.samples, self.reports, self.failed = 0, 0, ""
         self._kept = 0, 0  # samples and reports in the chunks that are in the file
-        self.wall_ns = wall_less_monotonic_ns()
+        self.wall_ns = wall_less_monotonic_ns() if wall_ns is None else wall_ns
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
         try:
             self._stream = path.open("xb")

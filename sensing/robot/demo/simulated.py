@@ -53,7 +53,9 @@ class SimulatedRobot:
         if terrain not in TERRAINS:
             raise ParameterError(f"terrain={terrain!r}: choose {', '.join(TERRAINS)}", name="terrain", value=terrain)
         if seed < 0:
-            raise ParameterError(f"seed={seed} is negative: a seed is a whole number from 0 on", name="seed", value=seed)
+            raise ParameterError(
+                f"seed={seed} is negative: a seed is a whole number from 0 on", name="seed", value=seed
+            )
         if not SHORTEST_S <= seconds <= LONGEST_S:
             raise ParameterError(
                 f"seconds={seconds:g} outside {SHORTEST_S:g}..{LONGEST_S:g} of a simulated run", name="seconds"

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from standing_robot import feed, standing_samples
 
+from sensing.live.outputs import ros_types as ros
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.node import messages
 from sensing.robot.node.record import estimate_text
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -86,3 +88,18 @@ def test_wrenches_of_no_contact_on_the_dome_are_named():
         notes.append(estimator.state().health.notes)
     named = [note.split(":")[0] for note in notes[1] if "of no contact on its dome" in note]
     assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]
+
+
+def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
+    """sensor_msgs/Imu has -1 as the first covariance of what is not measured; its zeros were taken for a rate."""
+    sample = InertialSample(1.0, "imu_red", np.zeros(3), np.array([0.0, 0.0, 9.81]))
+    message = ros.decode(messages.IMU, messages.sample_message(sample, (), 0)[1])
+    assert (messages.sample_from(messages.IMU, message, 0).rate_rad_s == 0).all()
+    without = replace(message, angular_velocity_covariance=np.full(9, -1.0))
+    assert np.isnan(messages.sample_from(messages.IMU, without, 0).rate_rad_s).all()
+    estimator = RobotEstimator(ROBOT)
+    names = {s.name for s in ROBOT.sensors} - {"imu_red"}
+    nan = np.full(3, np.nan)
+    green = [s if getattr(s, "sensor", "") not in names else replace(s, rate_rad_s=nan) for s in SAMPLES]
+    feed(estimator, green)
+    assert any("imu_green: no sample" in note for note in estimator.state().health.notes)

@@ -118,7 +118,7 @@ def _run(options: argparse.Namespace) -> int:
         if options.record is not None:  # after all others: where one of them cannot begin, no file is left
             from sensing.robot.node.recorder import RobotRecorder
 
-            recorder = RobotRecorder(options.record, robot, description, wall_ns)
+            recorder = RobotRecorder(options.record, robot, description, wall_ns, losses.add)
             outputs.append(recorder)
         _start_page(shown, lines)
         outputs += shown
@@ -128,7 +128,8 @@ def _run(options: argparse.Namespace) -> int:
         _close(shown, recorder, lines, out)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
         raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
-    return LOST if losses.lines or (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+    losses.of(out)
+    return LOST if losses.lines or (recorder is not None and recorder.failed) else 0
 
 
 def _close(shown: Sequence[RobotPage | RobotTopics], recorder: RobotRecorder | None, lines: Lines, out: Lines) -> None:
@@ -150,7 +151,12 @@ class _Losses:
     def add(self, line: str) -> None:
         """One more."""
         self.lines.append(line)
-        LOG.error(f"sensing.robot: {line}")
+        LOG.error(printable(f"sensing.robot: {line}"))
+
+    def of(self, out: Lines) -> None:
+        """One more where standard output could not be written, unless its reader has left."""
+        if out.failed and not out.gone:
+            self.add(f"standard output: {out.failed}")
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
@@ -225,7 +231,7 @@ def _replay(options: argparse.Namespace) -> int:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)
     warm_up(recording.robot, LOG.info)
-    out = Lines(sys.stdout)
+    out, losses = Lines(sys.stdout), _Losses()
     lines = Lines(sys.stderr) if options.json else out
     outputs: list[Output] = [RobotTerminal(lines, recording.robot, quiet=options.json)]
     if options.json:
@@ -243,7 +249,8 @@ def _replay(options: argparse.Namespace) -> int:
             stream.close(5.0)
     if found.end is not None:
         LOG.error(f"sensing.robot: {found.end}")
-    return LOST if found.different or found.end is not None else 0
+    losses.of(out)
+    return LOST if found.different or found.end is not None or losses.lines else 0
 
 
 def _parser() -> argparse.ArgumentParser:

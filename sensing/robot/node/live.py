@@ -95,8 +95,8 @@ class LiveRobot:
                     self._name_silent()
                 ready = self._here is None or self._here.ready()
                 waiting, at_s = self._waiting() if ready else self._waiting()[:0], time.monotonic()
-                for sample in waiting:  # all have arrived by now: the longer they take, the fewer reports come between
-                    yield at_s, sample
+                for sample in waiting:
+                    yield _paced(at_s, sample.time_s - waiting[0].time_s), sample
                 self._name_slowness(time.monotonic() - at_s)
                 if not waiting:
                     time.sleep(IDLE_S)
@@ -179,6 +179,18 @@ class LiveRobot:
             return None
         covariance = sample.covariance if self._covariance is None else self._covariance
         return replace(sample, endcap=name, covariance=covariance)
+
+
+def _paced(taken_s: float, later_s: float) -> float:
+    """Time of arrival of a sample that waited beside others, s.
+
+    Where they take longer than the time that they are of, that time counts: reports, which cost more than samples,
+    would come ever closer otherwise.
+
+    Args:
+        taken_s: when all were taken. later_s: capture time after that of the first; NaN without.
+    """
+    return min(time.monotonic(), taken_s + later_s) if later_s > 0 else taken_s
 
 
 def _endcaps_here(path: Path, robot: TensegrityRobot) -> EndcapsHere:

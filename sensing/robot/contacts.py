@@ -37,6 +37,10 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
     since = state.time_s - state.contact_s[endcap]
     state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
     _weigh(state, layout)
+    if contact.known or contact.touching is False:
+        state.astray_s[endcap] = np.nan
+    elif contact.touching and np.isnan(contact.push_n) and np.isfinite(contact.force_n).all():
+        state.astray_s[endcap] = np.fmin(state.astray_s[endcap], state.time_s)
     if settings.contacts is Contacts.NONE:
         return
     if settings.contacts in (Contacts.BIT_FIXED, Contacts.BIT_ROLLING):

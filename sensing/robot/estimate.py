@@ -85,7 +85,8 @@ class Health:
         lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately: below 1
             where it is right, since variances hold errors that stay, too.
         weight_ratio: sum of the vertical forces over the weight, lately; NaN while the robot accelerates.
-        rejected: lengths that did not fit, of the last sample. ignored: samples with NaN or too old, since the start.
+        rejected: lengths that did not fit, of the last sample. ignored: samples with NaN, with numbers that no sensor
+            measures, or too old, since the start.
         notes: what is missing or does not fit, one line each.
     """
 

@@ -119,10 +119,15 @@ class RobotEstimator:
         state, measured_s = progress.state.copy(), progress.state.time_s
         if time_s > measured_s:
             self._filter.take(state, min(time_s, measured_s + self.settings.history_s), [])
-        return report_of(state, measured_s, self._ignored, self._layout, self.settings)
+        return report_of(state, measured_s, self._ignored, self.left_out(), self._layout, self.settings)
+
+    def left_out(self) -> list[str]:
+        """What came lately that no sensor can measure, a line each; it is in the health, too, once there is a state."""
+        return self._check.notes(self.newest_s)
 
     def _put(self, sample: AnySample) -> None:
-        if not self._check.counts(sample, self.newest_s) or not self._history.put(sample):
+        usable = self._check.usable(sample, self.newest_s)
+        if usable is None or not self._history.put(usable):
             self._ignored += 1
 
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:

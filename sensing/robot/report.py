@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sensing.robot.contacts import LONGEST_GAP_S
@@ -21,18 +23,21 @@ INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a 
 WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
 SOFTNESS_OFF = 3.0  # of Settings.softness_sd, by which no silicone differs: noise of the forces is taken for softness
 SILENT_LENGTHS_S = 0.2
+ASTRAY_S = 1.0  # E: of wrenches of no contact on the dome, which two supports at once make for moments
 LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
 ANEW_S = 10.0  # for which it is said that the estimate began anew
 NAN_3 = np.full(3, np.nan)
 UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)
 
 
-def report_of(state: State, measured_s: float, ignored: int, layout: Layout, settings: Settings) -> RobotEstimate:
+def report_of(
+    state: State, measured_s: float, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings
+) -> RobotEstimate:
     """The record of a state.
 
     Args:
         state: of the filter. measured_s: of the newest sample in it. ignored: samples left out so far.
-        layout, settings: of the estimator.
+        impossible: a line for each sensor whose numbers were lately beyond any. layout, settings: of the estimator.
     """
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()
@@ -45,7 +50,7 @@ def report_of(state: State, measured_s: float, ignored: int, layout: Layout, set
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
-        _health(state, ignored, layout, settings),
+        _health(state, ignored, impossible, layout, settings),
     )  # fmt: skip
 
 
@@ -122,8 +127,8 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
     return Hold((1 - rolls) * rest, rolls * rest, slips, free)
 
 
-def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> Health:
-    notes = _lost(state, layout)
+def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings) -> Health:
+    notes = [*impossible, *_lost(state, layout)]
     for bar, name in enumerate(layout.sensor_of_bar):
         label = layout.robot.bars[bar].name
         if name is None:
@@ -136,9 +141,14 @@ def _health(state: State, ignored: int, layout: Layout, settings: Settings) -> H
         notes.append("accelerometer: no sample: shape and steps of the contacts only")
     if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
         notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
-    for endcap, reading_s in zip(layout.robot.endcaps, state.reading_s, strict=True):
-        if state.time_s - reading_s > LONGEST_GAP_S:
-            notes.append(f"{endcap.name}: no reading {_since(state.time_s - reading_s)}")
+    for number, endcap in enumerate(layout.robot.endcaps):
+        if (since := state.time_s - state.reading_s[number]) > LONGEST_GAP_S:
+            notes.append(f"{endcap.name}: no reading {_since(since)}")
+        elif state.time_s - state.astray_s[number] > ASTRAY_S:
+            notes.append(
+                f"{endcap.name}: its force and torque are of no contact on its dome: check the torque's unit, and that "
+                "it is about the centre of the mating plane"
+            )
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
@@ -191,7 +201,7 @@ def _lost(state: State, layout: Layout) -> list[str]:
         )
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
-    if speed_sd > LOST_M_S:
+    if not speed_sd <= LOST_M_S:  # also where it is no number
         notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
     return notes
 

@@ -1,8 +1,12 @@
-"""Which samples are refused, in one line, and which are left out without a word but counted."""
+"""Which samples are refused in one line, which are left out and counted, and which are named as impossible, too.
+
+One sample of a broken message would spoil the state for good, since what it makes is in all that follows.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,9 +14,15 @@ from cad.errors import ParameterError, printable
 from sensing.robot.history import AnySample
 from sensing.robot.layout import Layout
 from sensing.robot.settings import KnownContact
+from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 FARTHEST_S = 60.0  # between two streams: more means that their clocks differ
+MOST_RAD_S = 75.0  # E: gyroscopes of robots end at 70 (4000 degrees/s)
+MOST_M_S2 = 1000.0  # E: a fall onto the domes shows a tenth
+MOST_WEIGHTS, MOST_N = 100.0, 1000.0  # E: of a force, the larger of both; a fall from 0.3 m shows five weights
+LEVER_M = 1.0  # E: of a torque over the most force; domes have a tenth of it
+NAMED_S = 10.0  # for which health says that a sample was impossible
 
 
 class SampleCheck:
@@ -26,10 +36,21 @@ class SampleCheck:
         robot = layout.robot
         self._sensors = {sensor.name: sensor.accelerometer for sensor in robot.sensors}
         self._endcaps = {endcap.name for endcap in robot.endcaps}
-        self._cables = len(layout.cable_bars)
+        self._cables = [cable.name for cable in robot.cables if cable.measured]
+        self._most_m = sum(bar.length_m for bar in robot.bars)  # E: no cable of a robot is longer than all its bars
+        self._most_n = max(MOST_N, MOST_WEIGHTS * robot.mass_kg * GRAVITY_M_S2)
+        self._impossible: dict[str, tuple[float, str]] = {}
 
-    def counts(self, sample: AnySample, newest_s: float) -> bool:
-        """Whether a sample can be used; False for numbers that are NaN.
+    def notes(self, time_s: float) -> list[str]:
+        """What was lately left out because nothing can measure it, a line for each sensor or cable.
+
+        Args:
+            time_s: of the newest sample.
+        """
+        return [line for at_s, line in self._impossible.values() if time_s - at_s < NAMED_S]
+
+    def usable(self, sample: AnySample, newest_s: float) -> AnySample | None:
+        """The sample, lengths that no cable has as NaN; None for numbers that are NaN or that no sensor measures.
 
         Args:
             sample: any. newest_s: of all samples so far.
@@ -39,7 +60,7 @@ class SampleCheck:
         """
         what = self._known(sample)
         if not math.isfinite(sample.time_s):
-            return False
+            return None
         late_s = newest_s - sample.time_s
         if late_s > FARTHEST_S:  # as far ahead it may be the end of a pause; where it is not, the others are late
             raise ParameterError(
@@ -47,14 +68,42 @@ class SampleCheck:
                 "clock",
                 name="time_s", value=sample.time_s,
             )  # fmt: skip
-        if isinstance(sample, InertialSample):
-            values = [sample.rate_rad_s, *([] if sample.acceleration_m_s2 is None else [sample.acceleration_m_s2])]
-            return all(bool(np.isfinite(_row(value, 3, what)).all()) for value in values)
         if isinstance(sample, LengthSample):
-            return bool(np.isfinite(_row(sample.lengths_m, self._cables, what)).any())
+            return self._lengths(sample, what)
+        if isinstance(sample, InertialSample):
+            rate, force = sample.rate_rad_s, sample.acceleration_m_s2
+            possible = self._possible(sample.time_s, what, rate, MOST_RAD_S, "rad/s")
+            finite = bool(np.isfinite(rate).all())
+            if force is not None:
+                possible &= self._possible(sample.time_s, what, force, MOST_M_S2, "m/s^2")
+                finite &= bool(np.isfinite(force).all())
+            return sample if possible and finite else None
         if isinstance(sample, FootSample):
-            _row(sample.force_n, 3, what), _row(sample.torque_nm, 3, what)
-        return True
+            possible = self._possible(sample.time_s, what, sample.force_n, self._most_n, "N")
+            possible &= self._possible(sample.time_s, what, sample.torque_nm, self._most_n * LEVER_M, "N m")
+            return sample if possible else None
+        return sample
+
+    def _possible(self, time_s: float, what: str, values: object, most: float, unit: str) -> bool:
+        row = _row(values, 3, what)
+        beyond = row[np.abs(row) > most]
+        if len(beyond):
+            self._impossible[what] = (
+                time_s, f"{what}: {beyond[0]:.4g} {unit} is outside -{most:.4g}..{most:.4g}, left out: check its unit",
+            )  # fmt: skip
+        return not len(beyond)
+
+    def _lengths(self, sample: LengthSample, what: str) -> LengthSample | None:
+        """Those that a cable can have; None without any."""
+        row: Array = _row(sample.lengths_m, len(self._cables), what).copy()
+        for cable in np.flatnonzero((row <= 0) | (row > self._most_m)):
+            self._impossible[f"cable {cable}"] = (
+                sample.time_s,
+                f'cable "{printable(self._cables[cable])}": {row[cable]:.4g} m is outside 0..{self._most_m:.4g}, left '
+                "out: check its unit",
+            )
+            row[cable] = np.nan
+        return replace(sample, lengths_m=row) if np.isfinite(row).any() else None
 
     def _known(self, sample: AnySample) -> str:
         if isinstance(sample, LengthSample):

@@ -31,6 +31,7 @@ class State:
             which the last rate is a mean; inf where none is known.
         rate_used, force_used: (B, 3) their integrals since.
         contact_s: (E,) time of the last reading whose numbers counted. reading_s: (E,) of any. lengths_s: of lengths.
+        astray_s: (E,) time since which an endcap that touches reports wrenches of no contact on its dome; NaN for none.
         contacts: last reading of each endcap. friction: (59,) weights of the coefficients.
         consistency: (2,) mean squared innovation over its variance, lengths and anchors. weight_ratio: lately.
         rejected: lengths of the last sample. known: what a simulation knows of each contact.
@@ -64,6 +65,7 @@ class State:
     force_used: Array
     contact_s: Array
     reading_s: Array
+    astray_s: Array
     lengths_s: float
     contacts: list[Contact | None]
     friction: Array
@@ -103,7 +105,8 @@ def empty_state(layout: Layout, time_s: float) -> State:
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
         rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
-        contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), lengths_s=never,
+        contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
+        lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps,
     )  # fmt: skip

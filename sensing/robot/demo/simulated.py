@@ -38,7 +38,7 @@ class SimulatedRobot:
         say: is called with the simulated time while it is simulated.
 
     Raises:
-        ParameterError: an unknown terrain, seconds outside 3..600, or a speed outside 0..1000.
+        ParameterError: an unknown terrain, a negative seed, seconds outside 3..600, or a speed outside 0..1000.
     """
 
     def __init__(
@@ -52,6 +52,10 @@ class SimulatedRobot:
     ) -> None:
         if terrain not in TERRAINS:
             raise ParameterError(f"terrain={terrain!r}: choose {', '.join(TERRAINS)}", name="terrain", value=terrain)
+        if seed < 0:
+            raise ParameterError(
+                f"seed={seed} is negative: a seed is a whole number from 0 on", name="seed", value=seed
+            )
         if not SHORTEST_S <= seconds <= LONGEST_S:
             raise ParameterError(
                 f"seconds={seconds:g} outside {SHORTEST_S:g}..{LONGEST_S:g} of a simulated run", name="seconds"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from sensing.arguments import number, whole
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
 from sensing.robot.node.record import Report, report_text
-from sensing.robot.node.run import Output, RobotSource
+from sensing.robot.node.run import SILENT_S, Output, RobotSource
 from sensing.robot.node.terminal import RobotTerminal
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import SHIPPED, load_robot
@@ -98,9 +99,10 @@ def _run(options: argparse.Namespace) -> int:
     from sensing.robot.estimator import RobotEstimator
     from sensing.robot.node.run import run_robot
 
-    file = options.config or SHIPPED
+    file, live = options.config or SHIPPED, options.live or options.endcaps is not None
     robot, description = load_robot(file), file.read_bytes()
     source = _source(options, robot)
+    wall_ns, silent_s = (None, SILENT_S) if live else (time.time_ns(), math.inf)  # a simulated clock begins at 0
     estimator = RobotEstimator(robot)
     out = Lines(sys.stdout)
     lines = Lines(sys.stderr) if options.json else out
@@ -110,29 +112,34 @@ def _run(options: argparse.Namespace) -> int:
     losses = _Losses()
     shown: list[RobotPage | RobotTopics] = []
     try:
-        if options.json:
-            live = options.live or options.endcaps is not None  # a robot does not wait, nor may its recording
+        if options.json:  # a robot does not wait, nor may its recording
             outputs.append(JsonOutput(out, robot, stop.asked.is_set, losses.add if live else None))
-        shown = _shown(options, robot)
+        shown = _shown(options, robot, wall_ns)
         if options.record is not None:  # after all others: where one of them cannot begin, no file is left
             from sensing.robot.node.recorder import RobotRecorder
 
-            recorder = RobotRecorder(options.record, robot, description)
+            recorder = RobotRecorder(options.record, robot, description, wall_ns, losses.add)
             outputs.append(recorder)
         _start_page(shown, lines)
+        outputs += shown
         with stop:
-            run_robot(source, estimator, [*outputs, *shown], lambda: stop.asked.is_set() or out.gone, losses.add)
+            run_robot(source, estimator, outputs, lambda: stop.asked.is_set() or out.gone, losses.add, silent_s)
     finally:
-        for each in shown:
-            each.close()
-        if recorder is not None:
-            recorder.close()
-            lines.write(printable(recorder.note) + "\n")
-        for stream in {id(each): each for each in (lines, out)}.values():
-            stream.close(5.0)
+        _close(shown, recorder, lines, out)
     if terminal.last is None and not out.gone and not stop.asked.is_set():
         raise ParameterError("no estimate: the robot must stand still for a second first, and cables report lengths")
-    return LOST if losses.lines or (recorder is not None and recorder.failed) or (out.failed and not out.gone) else 0
+    losses.of(out)
+    return LOST if losses.lines or (recorder is not None and recorder.failed) else 0
+
+
+def _close(shown: Sequence[RobotPage | RobotTopics], recorder: RobotRecorder | None, lines: Lines, out: Lines) -> None:
+    for each in shown:
+        each.close()
+    if recorder is not None:
+        recorder.close()
+        lines.write(printable(recorder.note) + "\n")
+    for stream in {id(each): each for each in (lines, out)}.values():
+        stream.close(5.0)
 
 
 class _Losses:
@@ -144,7 +151,12 @@ class _Losses:
     def add(self, line: str) -> None:
         """One more."""
         self.lines.append(line)
-        LOG.error(f"sensing.robot: {line}")
+        LOG.error(printable(f"sensing.robot: {line}"))
+
+    def of(self, out: Lines) -> None:
+        """One more where standard output could not be written, unless its reader has left."""
+        if out.failed and not out.gone:
+            self.add(f"standard output: {out.failed}")
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
@@ -190,12 +202,12 @@ def _wrench_sd(options: argparse.Namespace) -> tuple[float, float] | None:
     return force, torque
 
 
-def _shown(options: argparse.Namespace, robot: TensegrityRobot) -> list[RobotPage | RobotTopics]:
+def _shown(options: argparse.Namespace, robot: TensegrityRobot, wall_ns: int | None) -> list[RobotPage | RobotTopics]:
     """Page and topics, as far as they are asked for; the page is not started yet."""
     from sensing.robot.node.page import RobotPage
     from sensing.robot.node.ros_topics import RobotTopics
 
-    shown: list[RobotPage | RobotTopics] = [RobotTopics(robot)] if options.ros else []
+    shown: list[RobotPage | RobotTopics] = [RobotTopics(robot, wall_ns=wall_ns)] if options.ros else []
     return shown if options.no_page else [*shown, RobotPage(robot, options.port)]
 
 
@@ -219,7 +231,7 @@ def _replay(options: argparse.Namespace) -> int:
         raise ParameterError(f"--{given[0]} has no effect with --replay: the recording has its own", name=given[0])
     recording = Recording(options.replay)
     warm_up(recording.robot, LOG.info)
-    out = Lines(sys.stdout)
+    out, losses = Lines(sys.stdout), _Losses()
     lines = Lines(sys.stderr) if options.json else out
     outputs: list[Output] = [RobotTerminal(lines, recording.robot, quiet=options.json)]
     if options.json:
@@ -237,7 +249,8 @@ def _replay(options: argparse.Namespace) -> int:
             stream.close(5.0)
     if found.end is not None:
         LOG.error(f"sensing.robot: {found.end}")
-    return LOST if found.different or found.end is not None else 0
+    losses.of(out)
+    return LOST if found.different or found.end is not None or losses.lines else 0
 
 
 def _parser() -> argparse.ArgumentParser:

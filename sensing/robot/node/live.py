@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
 IDLE_S = 0.002
 PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
+SLOW_S = 1.0  # for samples that waited together, from which lateness is named
 OFFERS_S = 0.5  # between looks at what publishers offer
 
 
@@ -77,7 +78,7 @@ class LiveRobot:
         self._participant, self._owner = open_participant(domain)
         self._readers = [(topic, kind, name, self._reader(topic, kind)) for topic, kind, name in topics]
         self._silent = [topic for topic, _, _ in topics]
-        self._clocks = ClockWatch(LOG.warning)
+        self._clocks, self._slow = ClockWatch(LOG.warning), False
 
     def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
         """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
@@ -92,12 +93,12 @@ class LiveRobot:
                 if time.monotonic() > named_s:
                     named_s = math.inf
                     self._name_silent()
-                found, ready = False, self._here is None or self._here.ready()
-                for sample in self._waiting():
-                    if ready:
-                        found = True
-                        yield time.monotonic(), sample
-                if not found:
+                ready = self._here is None or self._here.ready()
+                waiting, at_s = self._waiting() if ready else self._waiting()[:0], time.monotonic()
+                for sample in waiting:
+                    yield _paced(at_s, sample.time_s - waiting[0].time_s), sample
+                self._name_slowness(time.monotonic() - at_s)
+                if not waiting:
                     time.sleep(IDLE_S)
                     yield None
         finally:
@@ -127,6 +128,12 @@ class LiveRobot:
         silent = [topic for topic in dict.fromkeys(plain) if "/wrench" not in topic or plain.count(topic) > 1]
         if silent:
             LOG.warning(f"nothing for {PATIENCE_S:g} s on {', '.join(f'/{topic}' for topic in silent)}: waiting")
+
+    def _name_slowness(self, took_s: float) -> None:
+        """A line, once, where what waited took so long that estimates are old."""
+        if took_s > SLOW_S and not self._slow:
+            self._slow = True
+            LOG.warning(f"estimates come {took_s:.1f} s late: this computer has too little time for them")
 
     def _waiting(self) -> list[Sample]:
         """What has come since the last look, by time: one topic's newest would make the others' samples too late."""
@@ -172,6 +179,18 @@ class LiveRobot:
             return None
         covariance = sample.covariance if self._covariance is None else self._covariance
         return replace(sample, endcap=name, covariance=covariance)
+
+
+def _paced(taken_s: float, later_s: float) -> float:
+    """Time of arrival of a sample that waited beside others, s.
+
+    Where they take longer than the time that they are of, that time counts: reports, which cost more than samples,
+    would come ever closer otherwise.
+
+    Args:
+        taken_s: when all were taken. later_s: capture time after that of the first; NaN without.
+    """
+    return min(time.monotonic(), taken_s + later_s) if later_s > 0 else taken_s
 
 
 def _endcaps_here(path: Path, robot: TensegrityRobot) -> EndcapsHere:

@@ -30,7 +30,7 @@ ODOMETRY, POSES = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseArray"
 WORLD = "world"
 TO_MM = np.where(np.arange(16).reshape(4, 4) % 4 == 3, 1000.0, 1.0)
 TO_MM[3] = 1.0
-NO_ACCELEROMETER = -1.0  # first number of the covariance, as sensor_msgs/Imu has it for what is not measured
+NOT_MEASURED = -1.0  # first number of the covariance, as sensor_msgs/Imu has it for what is not measured
 
 
 def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tuple[str, bytes]:
@@ -45,10 +45,10 @@ def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tup
         force = sample.acceleration_m_s2
         message = types[IMU](
             header=ros.header(stamp, sample.sensor), orientation=_quaternion(np.eye(3)),
-            orientation_covariance=np.full(9, NO_ACCELEROMETER), angular_velocity=_vector(sample.rate_rad_s),
+            orientation_covariance=np.full(9, NOT_MEASURED), angular_velocity=_vector(sample.rate_rad_s),
             angular_velocity_covariance=np.zeros(9),
             linear_acceleration=_vector(np.zeros(3) if force is None else force),
-            linear_acceleration_covariance=np.full(9, NO_ACCELEROMETER if force is None else 0.0),
+            linear_acceleration_covariance=np.full(9, NOT_MEASURED if force is None else 0.0),
         )  # fmt: skip
         return IMU, ros.encode(IMU, message)
     if isinstance(sample, LengthSample):
@@ -90,9 +90,11 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
     stamp = message.header.stamp
     time_s = (stamp.sec * NS + stamp.nanosec - wall_ns) / NS
     if kind == IMU:
-        without = message.linear_acceleration_covariance[0] == NO_ACCELEROMETER
+        without = message.linear_acceleration_covariance[0] == NOT_MEASURED
         force = None if without else _three(message.linear_acceleration)
-        return InertialSample(time_s, message.header.frame_id, _three(message.angular_velocity), force)
+        turns = message.angular_velocity_covariance[0] != NOT_MEASURED  # its zeros would say that the bar stands
+        rate = _three(message.angular_velocity) if turns else np.full(3, np.nan)
+        return InertialSample(time_s, message.header.frame_id, rate, force)
     if kind == JOINTS:
         return LengthSample(time_s, np.array(message.position, float))
     if kind == ros.WRENCH:
@@ -107,7 +109,7 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
 def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message has it.
 
-    The covariance of the angular velocity is not estimated: its block is zero.
+    Covariances of velocity and angular velocity stand in the twist; what these share is left zero.
 
     Args:
         bar: the estimate. stamp_ns: wall time.

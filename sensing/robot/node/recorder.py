@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
@@ -32,7 +33,9 @@ class RobotRecorder:
     """Writes one file.
 
     Args:
-        path: must not exist. robot: whose samples. description: bytes of its file.
+        path: must not exist. robot: whose samples. description: bytes of its file. wall_ns: wall time at which the
+            samples' clock was 0; None where that is the monotonic clock of this process. lost: takes a line when no
+            more can be written.
 
     Attributes:
         samples, reports: written; once it failed, those that the file certainly holds. failed: why no more is written;
@@ -42,11 +45,14 @@ class RobotRecorder:
         FileError: the file exists or cannot be made.
     """
 
-    def __init__(self, path: Path, robot: TensegrityRobot, description: bytes) -> None:
-        self.path, self._robot = path, robot
+    def __init__(
+        self, path: Path, robot: TensegrityRobot, description: bytes, wall_ns: int | None = None,
+        lost: Callable[[str], object] = lambda _: None,
+    ) -> None:  # fmt: skip
+        self.path, self._robot, self._lost = path, robot, lost
         self.samples, self.reports, self.failed = 0, 0, ""
         self._kept = 0, 0  # samples and reports in the chunks that are in the file
-        self.wall_ns = wall_less_monotonic_ns()
+        self.wall_ns = wall_less_monotonic_ns() if wall_ns is None else wall_ns
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
         try:
             self._stream = path.open("xb")
@@ -139,5 +145,7 @@ class RobotRecorder:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        self.failed = self.failed or str(error.strerror)
+        if not self.failed:
+            self.failed = str(error.strerror)
+            self._lost(f"{self.path}: nothing more is recorded ({self.failed})")
         self.samples, self.reports = self._kept

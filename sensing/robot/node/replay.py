@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +25,7 @@ from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, Sample
 
+TIME = re.compile(rb'"time_s":(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?),')  # the first key of an estimate
 NEEDED = "no estimate without the lengths of the cables"
 
 
@@ -102,7 +105,7 @@ class Recording:
         found, way, estimator = Outcome(), Way(self.robot), RobotEstimator(self.robot, settings)
         for topic, data in self._messages(found):
             if topic == ESTIMATE:
-                estimate = estimator.state()
+                estimate = estimator.state(_predicted_to(data, estimator.newest_s))
                 found.compared += 1
                 found.different += estimate is None or ros.string(estimate_text(estimate)) != data
                 if estimate is not None:
@@ -145,3 +148,10 @@ class Recording:
             return messages.sample_of(kind, data, int(self._about["wall_ns"]))
         except Exception as error:  # each kind of damage has its own
             raise FileError(f"{self.path}: {printable(topic)}: no {kind} ({printable(str(error))[:80]})") from None
+
+
+def _predicted_to(estimate: bytes, newest_s: float) -> float | None:
+    """The time for which a recorded estimate holds, where that is later than all samples; else None."""
+    found = TIME.search(estimate)
+    time_s = float(found[1]) if found else newest_s
+    return time_s if newest_s < time_s < math.inf else None

@@ -23,6 +23,7 @@ from sensing.live.outputs.ros.topics import open_participant
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
+from sensing.robot.node.run import whole_ns
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
@@ -31,15 +32,16 @@ class RobotTopics:
     """Publishes every report.
 
     Args:
-        robot: of the reports. domain: None for ``ROS_DOMAIN_ID`` or 0.
+        robot: of the reports. domain: None for ``ROS_DOMAIN_ID`` or 0. wall_ns: wall time at which the reports' clock
+            was 0; None where that is the monotonic clock of this process.
 
     Raises:
         ParameterError: a domain outside 0..232, a bar's name that is no part of a topic, or DDS is not installed or
             finds no network.
     """
 
-    def __init__(self, robot: TensegrityRobot, domain: int | None = None) -> None:
-        self._clock = WallClock()
+    def __init__(self, robot: TensegrityRobot, domain: int | None = None, wall_ns: int | None = None) -> None:
+        self._clock, self._wall_ns = WallClock(), wall_ns
         self._part_of = ros_names((bar.name for bar in robot.bars), "bar")
         self._participant, self._owner = open_participant(domain)
         kinds = {f"robot/bar/{part}/odometry": messages.ODOMETRY for part in self._part_of.values()}
@@ -55,7 +57,8 @@ class RobotTopics:
     def report(self, report: Report) -> None:
         """All messages of one report."""
         estimate = report.estimate
-        stamp = self._clock.stamp_ns(estimate.time_s)
+        follows = self._wall_ns is None
+        stamp = self._clock.stamp_ns(estimate.time_s) if follows else self._wall_ns + whole_ns(estimate.time_s)
         for bar in estimate.bars:
             self._write(f"robot/bar/{self._part_of[bar.name]}/odometry", messages.odometry(bar, stamp))
         self._write("robot/endcaps", messages.endcap_poses(estimate, stamp))

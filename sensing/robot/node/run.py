@@ -7,6 +7,7 @@ the same reports again, to the bit. Times of samples are whole nanoseconds: what
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -23,6 +24,7 @@ from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
 REPORT_S = 0.05
+SILENT_S = 0.3  # E: without any sample of a live robot, from which the estimate is predicted
 NS = 10**9
 STEP_M = 0.05  # of the path: shorter ones are noise
 
@@ -102,36 +104,80 @@ class Way:
 
 def run_robot(
     source: RobotSource, estimator: RobotEstimator, outputs: Sequence[Output], stopped: Callable[[], bool],
-    lost: Callable[[str], object] = LOG.error,
+    lost: Callable[[str], object] = LOG.error, silent_s: float = math.inf,
 ) -> int:  # fmt: skip
     """Until the source ends or somebody stops it; returns the number of reports.
 
     Args:
         source: of samples. estimator: of the same robot. outputs: take samples and reports; one that raises gets no
-            more. stopped: asked all the time. lost: takes a line for every output that raised.
+            more. stopped: asked all the time. lost: takes a line for every output that raised. silent_s: after so long
+            without any sample, reports are predictions: their health says that all is silent.
 
     Raises:
         ParameterError: a sample that is not of this robot, or of another clock.
     """
-    way, count, next_s, working = Way(source.robot), 0, -math.inf, list(outputs)
+    way, count, moments, working = Way(source.robot), 0, _Moments(estimator, silent_s), list(outputs)
     for arrival in source.arrivals():
         if stopped():
             break
         if arrival is None:
-            continue
-        at_s, sample = arrival
-        sample = replace(sample, time_s=whole_ns(sample.time_s) / NS) if math.isfinite(sample.time_s) else sample
-        _hand_out(working, lambda output: output.sample(sample), lost)  # noqa: B023 (called at once)
-        give(estimator, sample)
-        if at_s < next_s:
-            continue
-        next_s = at_s + REPORT_S
-        estimate = estimator.state()
+            estimate = moments.in_silence()
+        else:
+            at_s, sample = arrival
+            sample = replace(sample, time_s=whole_ns(sample.time_s) / NS) if math.isfinite(sample.time_s) else sample
+            _hand_out(working, lambda output: output.sample(sample), lost)  # noqa: B023 (called at once)
+            give(estimator, sample)
+            estimate = moments.after_sample(at_s)
         if estimate is not None:
             report = way.report(estimate, source.truth(estimate.time_s))
             count += 1
             _hand_out(working, lambda output: output.report(report), lost)  # noqa: B023 (called at once)
     return count
+
+
+class _Moments:
+    """When an estimate is reported: every 0.05 s of arrivals, and in a silence until nothing more can be predicted.
+
+    Without the latter the last word of a robot whose network is gone would be that all is well.
+    """
+
+    def __init__(self, estimator: RobotEstimator, silent_s: float) -> None:
+        self._estimator, self._silent_s = estimator, silent_s
+        self._next_s, self._last_s, self._heard_s = -math.inf, -math.inf, math.inf
+        self._named: set[str] = set()
+
+    def after_sample(self, at_s: float) -> RobotEstimate | None:
+        """At the newest sample; None where none is due, or predictions went further already.
+
+        Args:
+            at_s: arrival of a sample.
+        """
+        self._heard_s = time.monotonic()
+        if at_s < self._next_s:
+            return None
+        self._next_s = at_s + REPORT_S
+        return self._reported(self._estimator.state() if self._estimator.newest_s >= self._last_s else None)
+
+    def in_silence(self) -> RobotEstimate | None:
+        """A prediction over the time in which nothing came."""
+        quiet_s, newest_s = time.monotonic() - self._heard_s, self._estimator.newest_s
+        at_s = newest_s + min(quiet_s, self._estimator.settings.history_s)
+        if quiet_s < self._silent_s or not at_s >= self._last_s + REPORT_S:
+            return None
+        return self._reported(self._estimator.state(at_s))
+
+    def _reported(self, estimate: RobotEstimate | None) -> RobotEstimate | None:
+        if estimate is not None:
+            self._last_s = estimate.time_s
+        elif self._last_s == -math.inf:  # there is no health yet that says it
+            self._name_left_out()
+        return estimate
+
+    def _name_left_out(self) -> None:
+        for line in self._estimator.left_out():
+            if (what := line.split(":")[0]) not in self._named:
+                self._named.add(what)
+                LOG.warning(line)
 
 
 def _hand_out(working: list[Output], take: Callable[[Output], None], lost: Callable[[str], object]) -> None:

@@ -2,9 +2,11 @@
 
 import os
 import time
+from types import SimpleNamespace
 
 import pytest
 from robot_publisher import PATIENCE_S, ROBOT, Kept, Publisher
+from standing_robot import standing_samples
 
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import live
@@ -76,6 +78,27 @@ def test_clocks_that_disagree_are_named(capsys):
     finally:
         publisher.close()
     assert said.count("/cable_lengths: a stamp 600") + said.count("/cable_lengths: a stamp 599") == 1
+
+
+def test_a_computer_that_is_too_slow_reports_less_often_and_says_so(monkeypatch, capsys):
+    """A report after every sample, since each took longer than the time between two, made it later and later."""
+    source, samples = LiveRobot(ROBOT, domain=DOMAIN + 61), standing_samples(ROBOT, 2.0, rate_hz=100.0)[1]
+    batches = [samples[k : k + 200] for k in range(0, len(samples), 200)]
+    monkeypatch.setattr(source, "_waiting", lambda: batches.pop(0) if batches else [])
+    now = [0.0]
+    monkeypatch.setattr(live, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=lambda _: None))
+    kept = Kept(10**6)
+
+    class Slow:
+        def sample(self, _):
+            now[0] += 0.06
+
+        def report(self, _):
+            now[0] += 0.5
+
+    run_robot(source, RobotEstimator(ROBOT), [kept, Slow()], lambda: not batches)
+    assert 10 <= len(kept.reports) <= 25  # of a second after the start, 20 a second
+    assert capsys.readouterr().err.count("this computer has too little time") == 1
 
 
 def test_stamps_are_read_by_a_clock_that_was_set(monkeypatch, capsys):

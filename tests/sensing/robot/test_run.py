@@ -198,6 +198,7 @@ def test_the_estimator_is_compiled_before_the_run(words, run, tmp_path, monkeypa
     [
         (["--terrain", "moon"], "terrain='moon': choose flat"),
         (["--seconds", "1"], "outside 3..600"),
+        (["--seed", "-1"], "seed=-1 is negative"),
         (["--speed", "-1"], "speed=-1 outside"),
         (["--config", "none.toml"], "none.toml: No such file"),
         (["--replay", "none.mcap"], "none.mcap: No such file"),

@@ -1,0 +1,105 @@
+"""Numbers that no sensor of a robot measures: a broken message, or another unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing_robot import feed, standing_samples
+
+from sensing.live.outputs import ros_types as ros
+from sensing.robot.estimator import RobotEstimator
+from sensing.robot.node import messages
+from sensing.robot.node.record import estimate_text
+from sensing.tensegrity.robot_file import load_robot
+from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+
+ROBOT = load_robot()
+POSES, SAMPLES = standing_samples(ROBOT, 2.0, rate_hz=100.0, every=5)
+CASES = {
+    "rate": (InertialSample, "rate_rad_s", 1e200, "rad/s"),
+    "rate of a broken word": (InertialSample, "rate_rad_s", 572.0, "rad/s"),
+    "acceleration": (InertialSample, "acceleration_m_s2", -1e4, "m/s^2"),
+    "lengths": (LengthSample, "lengths_m", 540.0, " m is outside"),
+    "lengths of zero": (LengthSample, "lengths_m", 0.0, " m is outside"),
+    "force": (FootSample, "force_n", 1e300, " N is outside"),
+    "torque": (FootSample, "torque_nm", float("inf"), " N m is outside"),
+}
+
+
+def broken(sample, kind, field, value):
+    if not isinstance(sample, kind) or getattr(sample, field) is None:
+        return sample
+    return replace(sample, **{field: np.full(np.shape(getattr(sample, field)), value)})
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.filterwarnings("error")
+def test_a_few_impossible_numbers_change_nothing_and_are_named(case):
+    kind, field, value, unit = CASES[case]
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, [broken(s, kind, field, value) if 1.395 < s.time_s < 1.43 else s for s in SAMPLES])
+    estimate = estimator.state()
+    expected = RobotEstimator(ROBOT)
+    feed(expected, SAMPLES)
+    wanted = expected.state()
+    assert wanted.health.good
+    assert any(unit in note and "left out" in note for note in estimate.health.notes), estimate.health.notes
+    for found, true in zip(estimate.bars, wanted.bars, strict=True):
+        assert np.abs(found.T_world_bar - true.T_world_bar).max() < 0.02
+        assert np.isfinite(found.covariance).all()
+    estimate_text(estimate)
+
+
+def test_one_impossible_length_counts_as_missing():
+    taken = []
+    for value in (np.nan, np.inf, -0.5, 540.0):
+        estimator = RobotEstimator(ROBOT)
+        one = np.arange(9) == 4
+        feed(
+            estimator,
+            [
+                replace(s, lengths_m=np.where(one, value, s.lengths_m)) if isinstance(s, LengthSample) else s
+                for s in SAMPLES
+            ],
+        )
+        taken.append(estimator.state())
+    for estimate in taken[1:]:
+        assert (estimate.bars[1].T_world_bar == taken[0].bars[1].T_world_bar).all()
+        assert 'cable "' in estimate.health.notes[0] and estimate.health.ignored == 0
+
+
+def test_lengths_in_millimetres_are_named_before_there_is_an_estimate():
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, [replace(s, lengths_m=1000 * s.lengths_m) if isinstance(s, LengthSample) else s for s in SAMPLES])
+    assert estimator.state() is None
+    assert len(estimator.left_out()) == 9 and "outside 0..2.46" in estimator.left_out()[0]
+
+
+def test_wrenches_of_no_contact_on_the_dome_are_named():
+    """A torque in N mm: the line of action passes a dome at meters, so no contact counts and the place is lost."""
+    samples = standing_samples(ROBOT, 3.0, rate_hz=100.0, every=5)[1]
+    wrong = [replace(s, torque_nm=1000 * s.torque_nm) if isinstance(s, FootSample) else s for s in samples]
+    notes = []
+    for given in (samples, wrong):
+        estimator = RobotEstimator(ROBOT)
+        feed(estimator, given)
+        notes.append(estimator.state().health.notes)
+    named = [note.split(":")[0] for note in notes[1] if "of no contact on its dome" in note]
+    assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]
+
+
+def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
+    """sensor_msgs/Imu has -1 as the first covariance of what is not measured; its zeros were taken for a rate."""
+    sample = InertialSample(1.0, "imu_red", np.zeros(3), np.array([0.0, 0.0, 9.81]))
+    message = ros.decode(messages.IMU, messages.sample_message(sample, (), 0)[1])
+    assert (messages.sample_from(messages.IMU, message, 0).rate_rad_s == 0).all()
+    without = replace(message, angular_velocity_covariance=np.full(9, -1.0))
+    assert np.isnan(messages.sample_from(messages.IMU, without, 0).rate_rad_s).all()
+    estimator = RobotEstimator(ROBOT)
+    names = {s.name for s in ROBOT.sensors} - {"imu_red"}
+    nan = np.full(3, np.nan)
+    green = [s if getattr(s, "sensor", "") not in names else replace(s, rate_rad_s=nan) for s in SAMPLES]
+    feed(estimator, green)
+    assert any("imu_green: no sample" in note for note in estimator.state().health.notes)

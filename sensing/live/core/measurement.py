@@ -29,6 +29,8 @@ from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, withou
 from sensing.live.core.reference import Reference
 from sensing.live.core.seen import SeenFrame
 from sensing.live.core.state import MEASURED, Event
+from sensing.live.core.still_watch import FLAG as COMPRESSED
+from sensing.live.core.still_watch import StillWatch
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
@@ -94,6 +96,7 @@ class Measurement:
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
+        self._still = StillWatch()
         self.contact: ContactState | None = None
 
     @property
@@ -125,6 +128,8 @@ class Measurement:
         rated = self._rate.step(estimate)
         estimate = rated.wrench
         judged = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
+        if tracks is not None:
+            self._still.update(tracks, alike)
         verdict = self._of_reference(judged, tracks)
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
@@ -175,7 +180,9 @@ class Measurement:
         check = self._check
         flags = frozenset[str]() if check is None else check.flags
         misfit = "" if check is None or not flags else check.reason
-        watched = {MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason}
+        watched = {
+            MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason, COMPRESSED: self._still.reason,
+        }  # fmt: skip
         flags |= {flag for flag, reason in watched.items() if reason}
         if not flags:
             return verdict

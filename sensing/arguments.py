@@ -11,7 +11,8 @@ from cad.options import chosen
 from cad.plain_numbers import brief, stored_number, whole_number
 
 # number, too: an option of a design is of that type
-__all__ = ["number", "pair", "scientific", "silicone_name", "whole"]
+__all__ = ["number", "pair", "port", "scientific", "silicone_name", "whole"]
+MOST_PORT = 65535
 
 
 def whole(text: str) -> int:
@@ -24,6 +25,18 @@ def whole(text: str) -> int:
         return whole_number(text)
     except ParameterError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def port(text: str) -> int:
+    """A TCP or UDP port, 0 to 65535; 0 lets the system choose.
+
+    Raises:
+        argparse.ArgumentTypeError: another form, or outside.
+    """
+    value = whole(text)
+    if not 0 <= value <= MOST_PORT:
+        raise argparse.ArgumentTypeError(f"port {value} outside 0..{MOST_PORT}: give 0 for any that is free")
+    return value
 
 
 def scientific(text: str) -> float:

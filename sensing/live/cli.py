@@ -15,7 +15,7 @@ from cad.errors import EndcapError, FileError, ParameterError, printable
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number, silicone_name, whole
+from sensing.arguments import number, port, silicone_name, whole
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights, weights_in_use
@@ -250,7 +250,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     out = parser.add_argument_group("outputs")
     out.add_argument("--no-page", action="store_true", help="numbers here only")
     out.add_argument("--host", help="address of the page (127.0.0.1); others need a token")
-    out.add_argument("--port", type=whole, metavar="N", help="port of the page (8008, or any free one)")
+    out.add_argument("--port", type=port, metavar="N", help="port of the page (8008, or any free one)")
     out.add_argument(
         "--record", type=Path, nargs="?", const=Path(), metavar="FILE", help="MCAP; without a name: endcap_TIME.mcap"
     )

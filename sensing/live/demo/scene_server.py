@@ -14,7 +14,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.messages import LOG, show
-from sensing.arguments import whole
+from sensing.arguments import port
 from sensing.live.demo.scene import ENDCAPS, SceneSource
 from sensing.sources.newest import FrameSource
 
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.live.demo.scene_server"), description="Simulated cameras."
     )
-    parser.add_argument("--port", type=whole, default=8081, metavar="N", help="(8081)")
+    parser.add_argument("--port", type=port, default=8081, metavar="N", help="(8081)")
     options = parser.parse_args(arguments)
     try:
         server = mjpeg_server(options.port)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, transient
-from sensing.arguments import number, whole
+from sensing.arguments import number, port, whole
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
 from sensing.robot.node.record import Report, report_text
@@ -97,10 +97,13 @@ class JsonOutput:
 
 def _run(options: argparse.Namespace) -> int:
     from sensing.robot.estimator import RobotEstimator
+    from sensing.robot.node.recorder import refuse_taken
     from sensing.robot.node.run import run_robot
 
     file, live = options.config or SHIPPED, options.live or options.endcaps is not None
     robot, description = load_robot(file), file.read_bytes()
+    if options.record is not None:  # before minutes are simulated
+        refuse_taken(options.record)
     source = _source(options, robot)
     wall_ns, silent_s = (None, SILENT_S) if live else (time.time_ns(), math.inf)  # a simulated clock begins at 0
     estimator = RobotEstimator(robot)
@@ -271,7 +274,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--record", type=Path, metavar="FILE", help="MCAP of all samples and estimates")
     parser.add_argument("--json", action="store_true", help="a line of JSON an estimate on stdout; the rest on stderr")
     parser.add_argument("--no-page", action="store_true", help="numbers here only")
-    parser.add_argument("--port", type=whole, metavar="N", help="port of the page (8008, or any free one)")
+    parser.add_argument("--port", type=port, metavar="N", help="port of the page (8008, or any free one)")
     parser.add_argument("--ros", action="store_true", help="ROS 2 topics over DDS, domain ROS_DOMAIN_ID")
     simulated = parser.add_argument_group("the simulated robot")
     simulated.add_argument("--terrain", metavar="NAME", help="what it walks on (flat)")

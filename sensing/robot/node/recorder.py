@@ -27,6 +27,19 @@ from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
 METADATA, FORMAT, DESCRIPTION = "endcap_robot", "1", "robot.toml"
 LENGTHS, ESTIMATE = "/cable_lengths", "/robot/estimate"
 FLUSH_S = 1.0  # what a killed run may lose
+_TAKEN = "{}: is there already: choose another name for the recording"
+
+
+def refuse_taken(path: Path) -> None:
+    """Refuse early what :class:`RobotRecorder` would refuse.
+
+    Raises:
+        FileError: the file exists, or its folder does not.
+    """
+    if path.exists():
+        raise FileError(_TAKEN.format(path))
+    if not path.parent.is_dir():
+        raise FileError(f"{path}: no folder {path.parent}: give a folder that exists and may be written")
 
 
 class RobotRecorder:
@@ -57,7 +70,7 @@ class RobotRecorder:
         try:
             self._stream = path.open("xb")
         except FileExistsError:
-            raise FileError(f"{path}: is there already: choose another name for the recording") from None
+            raise FileError(_TAKEN.format(path)) from None
         except OSError as error:
             raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
         self._writer = Writer(self._stream, chunk_size=1 << 18, compression=CompressionType.ZSTD, enable_data_crcs=True)

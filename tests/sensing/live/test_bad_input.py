@@ -4,6 +4,7 @@ import io
 import itertools
 import json
 import signal
+import socket
 import threading
 import zipfile
 from dataclasses import replace
@@ -249,11 +250,15 @@ def test_a_recording_with_a_camera_of_another_size_is_refused(tmp_path, capsys, 
     assert SIZES in refused(capsys, "--replay", str(mcap), "--no-page")
 
 
-@pytest.mark.parametrize("words", [["--port", "99999"], ["--no-page", "--output", "nosuch"]])
+@pytest.mark.parametrize("words", [["--port", "TAKEN"], ["--no-page", "--output", "nosuch"]])
 def test_where_another_output_cannot_begin_no_recording_is_left(tmp_path, capsys, monkeypatch, words):
     monkeypatch.setattr("sensing.live.core.warm_up.warm_up", lambda _: None)
     folder, mcap = photos(tmp_path / "p", *film([0])), tmp_path / "r.mcap"
-    refused(capsys, "--photos", str(folder), "--record", str(mcap), *words)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        refused(
+            capsys, "--photos", str(folder), "--record", str(mcap), *(word.replace("TAKEN", port) for word in words)
+        )
     assert not mcap.exists()
 
 

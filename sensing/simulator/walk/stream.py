@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.simulator.similarity.ratios import REFERENCE_RADIUS_MM, REFERENCE_WALL_MM, LoadScale
 from sensing.simulator.walk.mjcf import sphere_centre_m
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import (
@@ -29,7 +30,8 @@ from sensing.tensegrity.description import (
 )
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
-NOISE = Path(__file__).with_name("wrench_noise.csv")  # RMSE on sensors never seen, of the weights before those here
+# RMSE on sensors never seen, of the weights before those here. Loads of D=130 T=8; others in proportion (LoadScale)
+NOISE = Path(__file__).with_name("wrench_noise.csv")
 MOST_TILT_DEG, MOST_LOAD_N = 60.0, 60.0  # of their training: beyond it flagged
 TILT_GROWTH_DEG = 10.0  # tilt beyond it that doubles the errors (E)
 TOUCH_N, RELEASE_N = 0.5, 0.3
@@ -147,24 +149,26 @@ def inertial_samples(
 def foot_samples(
     walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, sensors: SensorSet, rng: np.random.Generator
 ) -> list[FootSample]:
-    """Wrenches of one endcap on its mating plane, with the errors of :data:`NOISE`.
+    """Wrenches of one endcap on its mating plane, with the errors of :data:`NOISE` in proportion to its shell.
 
     Args:
         walk: what happened. robot: whose. endcap: which. sensors: how good it is. rng: of its errors.
     """
     rows = _rows(walk, sensors.wrench_hz, float(rng.uniform(0, 1)))
+    scale = shell_scale(endcap)
     wrench, tilt = true_wrenches(walk, robot, endcap, rows)
     wrench = wrench * sensors.force_scale
     load = np.linalg.norm(wrench[:, :3], axis=1)
-    sigma = wrench_sigma(tilt, load)
-    beyond = (load > MOST_LOAD_N) | ((load > TOUCH_N) & (tilt > MOST_TILT_DEG))
+    sigma = wrench_sigma(tilt, load, scale)
+    touch, release = TOUCH_N * scale.force, RELEASE_N * scale.force
+    beyond = (load > MOST_LOAD_N * scale.force) | ((load > touch) & (tilt > MOST_TILT_DEG))
     more = np.where(beyond, sensors.beyond_noise, 1.0)[:, None]
     error = sensors.wrench_noise * more * sigma * _slow(rng, np.diff(walk.time_s[rows]), 6)
     stated = max(sensors.wrench_noise, 0.1) * np.sqrt(more) * sigma
     touching, samples = False, []
     for k, row in enumerate(rows):
         reported = wrench[k] + error[k]
-        touching = float(np.linalg.norm(reported[:3])) > (RELEASE_N if touching else TOUCH_N)
+        touching = float(np.linalg.norm(reported[:3])) > (release if touching else touch)
         samples.append(
             FootSample(
                 time_s=float(walk.time_s[row]),
@@ -201,14 +205,26 @@ def true_wrenches(
     return np.where(loaded[:, None], wrench, 0.0), np.where(loaded, tilt, 0.0)
 
 
-def wrench_sigma(tilt_deg: Array, load_n: Array) -> Array:
-    """(n, 6) standard deviation of the wrench's errors, N and N m; larger beyond the range of training."""
+def shell_scale(endcap: MountedEndcap) -> LoadScale:
+    """Loads of an endcap's shell in proportion to those of D=130 T=8, in the same silicone."""
+    wall = endcap.wall_mm / REFERENCE_WALL_MM
+    return LoadScale(wall**2, wall, endcap.diameter_mm / 2 / REFERENCE_RADIUS_MM)
+
+
+def wrench_sigma(tilt_deg: Array, load_n: Array, scale: LoadScale) -> Array:
+    """(n, 6) standard deviation of the wrench's errors, N and N m; larger beyond the range of training.
+
+    Args:
+        tilt_deg: (n,) from the tip to the contact. load_n: (n,) force. scale: of the shell.
+    """
     table, tilts, loads = _noise_table()
+    load_n = load_n / scale.force
     row = np.searchsorted(tilts, tilt_deg, side="right") - 1
     column = np.searchsorted(loads, load_n, side="right") - 1
     beyond = np.maximum(1.0, load_n / MOST_LOAD_N) * (1.0 + np.maximum(0.0, tilt_deg - MOST_TILT_DEG) / TILT_GROWTH_DEG)
     cells = table[row, column] * beyond[:, None]
-    return np.asarray(cells[:, [0, 0, 1, 2, 2, 2]])
+    torque = scale.force * scale.depth  # forces by a lever
+    return np.asarray(cells[:, [0, 0, 1, 2, 2, 2]] * np.repeat([scale.force, torque], 3))
 
 
 @lru_cache(maxsize=1)

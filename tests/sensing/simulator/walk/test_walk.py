@@ -15,7 +15,15 @@ from cad.errors import FileError, ParameterError
 from sensing.simulator.walk import terrain as terrain_module
 from sensing.simulator.walk.gait import TippingGait
 from sensing.simulator.walk.simulate import Simulation, simulate_walk
-from sensing.simulator.walk.stream import SensorSet, inertial_samples, rotation_matrices, sensor_stream, true_wrenches
+from sensing.simulator.walk.stream import (
+    SensorSet,
+    inertial_samples,
+    rotation_matrices,
+    sensor_stream,
+    shell_scale,
+    true_wrenches,
+    wrench_sigma,
+)
 from sensing.simulator.walk.terrain import Terrain, ground
 from sensing.simulator.walk.tips import load_tips
 from sensing.simulator.walk.truth import load_walk, save_walk
@@ -185,6 +193,21 @@ def test_length_and_wrench_errors_are_of_the_stated_size(rolled):
         for key in pairs[0]
     ]
     assert np.std(ratio) == pytest.approx(1.0, rel=0.15)
+
+
+def test_errors_of_wrenches_are_in_proportion_to_the_shell():
+    """A wall of twice 8 mm bears four times the force as deep; at twice the radius its torques have twice the lever."""
+    small, large = (
+        MountedEndcap("a", "b", np.eye(4), diameter_mm, wall_mm) for diameter_mm, wall_mm in ((130, 8), (260, 16))
+    )
+    tilts, loads = np.array([0.0, 35.0, 70.0]), np.array([1.0, 30.0, 80.0])
+    released = wrench_sigma(tilts, loads, shell_scale(small))
+    np.testing.assert_allclose(
+        wrench_sigma(tilts, 4 * loads, shell_scale(large))[:, :3], 4 * released[:, :3], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        wrench_sigma(tilts, 4 * loads, shell_scale(large))[:, 3:], 8 * released[:, 3:], rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("terrain", list(Terrain))

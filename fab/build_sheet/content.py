@@ -65,9 +65,10 @@ def _cover(data: SheetData) -> list[Block]:
         Picture(data.pictures["cover"], "what you will build", COVER_RATIO),
         Table((), tuple(facts), (1, 4)),
         Paragraph(
-            "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
-            "buy, cast, demold, paint, assemble, test. What stops the cure is in the chapter Silicone: no latex. "
-            "Commands are typed in the toolkit's folder."
+            "Read once to the end before you mix: from the first drop of B the clock runs. The order is buy, print, "
+            "cast, demold, paint, make the ring's cable, assemble, test. Order the LED ring's board first: it is made "
+            "for you. What stops the cure is in the chapter Silicone: no latex. Commands are typed in the toolkit's "
+            "folder."
         ),
         Heading("Words of the steps"),
         Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),

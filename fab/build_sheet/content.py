@@ -19,7 +19,7 @@ from fab.build_sheet.sums import cost_facts
 from fab.part_words import WORKSHOP, height_words
 from fab.slice.result import PAPER_MOLD
 
-COVER_RATIO = 0.75  # of the text's width: table and words below the picture stay on its page
+COVER_RATIO = 0.6  # of the text's width: table and words below the picture stay on its page
 GATE_LETTERS = 34  # of a gate's name that fit on its line of the appendix
 
 

@@ -24,8 +24,11 @@ WORKSHOP = {  # what has no line of the bill, as the steps name it -> what it is
     "gyroid": "curved TPU sheet on the interface's flange; silicone runs through it and locks",
     "dam": "wall round the bowl above its seam; keeps in the silicone that rises while the mold closes",
     "piston": "end of the collar that slides into the dam, down to the bowl's seam",
+    "seam": "where pieces of the mold meet; alone, that of bowl and collar",
     "vent": "hole through the hanger, through which air and surplus silicone leave",
     "well": "wider mouth of a vent on the hanger's outside; silicone in it shows that the mold is full",
+    "upper half": "hanger, collar, interface and core, screwed together",
+    "flash": "thin silicone that crept between pieces of the mold; it is cut off",
     "gore": "strip of the dome's inner surface, from the tip outward, drawn flat",
 }
 

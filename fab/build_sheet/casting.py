@@ -58,9 +58,29 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 
 def casting(data: SheetData) -> list[Block]:
     """Steps from the nuts to the closed mold."""
-    return [Heading("Cast", 1), *stage_blocks(data, "C", ("upper half", "bowl", "cast"))]
+    vacuum = "vacuum chamber and pump, " if data.recipe.is_degassed else ""
+    return [
+        Heading("Cast", 1),
+        Paragraph(
+            "First smooth the core: the dome copies its layer lines, and the camera sees them as rings. Rub it with "
+            "grit 240, then 400, and keep off its bumps. Wash it, let it dry, wipe it with alcohol. Do not lacquer "
+            "it: most lacquers hinder the cure."
+        ),
+        Paragraph(
+            "Spray release agent away from the interface, never onto it: silicone must hold in its gyroid. Before A "
+            "and B meet, lay ready what the clock does not wait for: gloves, safety glasses, scale, cup, stick, "
+            f"{vacuum}the six bolts with their washers and nuts, the hex key and the socket for them."
+        ),
+        *stage_blocks(data, "C", ("upper half", "bowl", "cast")),
+    ]
 
 
 def demolding(data: SheetData) -> list[Block]:
     """Steps from the closed mold to the endcap."""
-    return [Heading("Demold", 1), *stage_blocks(data, "D", ("demold",))]
+    return [
+        Heading("Demold", 1),
+        Paragraph(
+            "Put safety glasses on. Keep the core's screws at hand: in D4 to D6 they are the handles of its pieces."
+        ),
+        *stage_blocks(data, "D", ("demold",)),
+    ]

@@ -19,7 +19,7 @@ from fab.build_sheet.sums import cost_facts
 from fab.part_words import WORKSHOP, height_words
 from fab.slice.result import PAPER_MOLD
 
-COVER_RATIO = 0.75  # of the text's width: table and words below the picture stay on its page
+COVER_RATIO = 0.6  # of the text's width: table and words below the picture stay on its page
 GATE_LETTERS = 34  # of a gate's name that fit on its line of the appendix
 
 
@@ -65,9 +65,10 @@ def _cover(data: SheetData) -> list[Block]:
         Picture(data.pictures["cover"], "what you will build", COVER_RATIO),
         Table((), tuple(facts), (1, 4)),
         Paragraph(
-            "Read once to the end before you mix: from the first drop of B the clock runs. The order is print, "
-            "buy, cast, demold, paint, assemble, test. What stops the cure is in the chapter Silicone: no latex. "
-            "Commands are typed in the toolkit's folder."
+            "Read once to the end before you mix: from the first drop of B the clock runs. The order is buy, print, "
+            "cast, demold, paint, make the ring's cable, assemble, test. Order the LED ring's board first: it is made "
+            "for you. What stops the cure is in the chapter Silicone: no latex. Commands are typed in the toolkit's "
+            "folder."
         ),
         Heading("Words of the steps"),
         Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),

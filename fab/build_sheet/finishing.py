@@ -46,12 +46,15 @@ def painting(data: SheetData) -> list[Block]:
         Heading("Paint the dots", 1),
         *steps(data, "P", [
             ("Fill every dent with ink",
-             ("Wipe the inside with alcohol. Touch each dent with the marker, from the tip outward, ring by ring.",
+             ("Wipe the inside with alcohol.",
+              f"{_full_lines(params)} Write 0 at its end on the interface's rim: azimuths count from it, clockwise as "
+              "you look into the dome.",
+              "Touch each dent with the marker, from the tip outward, ring by ring. Where dents are hard to see, lay a "
+              "gore in (below).",
               f"This size has {len(dots)} dots of {params.dot_mm:g} mm, {spacing:.1f} mm from ring to ring along "
               f"the wall. Paint all: {sum(inside.values())} of them lie in the camera's centre square.",
-              "Ink only inside the dents; wipe what runs over at once. Let it dry 10 min, dome up, before assembly.",
-              f"{_full_lines(params)} Write 0 at its end on the interface's rim: azimuths count from it, clockwise as "
-              "you look into the dome."), "dots"),
+              "Ink only inside the dents; wipe what runs over at once. Let it dry 10 min, dome up, before "
+              "assembly."), "dots"),
         ]),
         Table(("ring", "dots", "angle from the tip", "in the centre square"), rows, (1, 1, 2, 2)),
         *_gore_blocks(params),
@@ -69,7 +72,7 @@ def _full_lines(params: EndcapParams) -> str:
         return "One line from tip to rim has a dot of every ring: it is azimuth 0, begin there."
     return (
         f"{count} lines from tip to rim have a dot of every ring, {repeat_deg(params):.3g}° apart, and the pattern is "
-        "the same from each: choose one that ends midway between two screw holes of the interface as azimuth 0, and "
+        "the same from each. Choose as azimuth 0 one that ends midway between two screw holes of the interface, and "
         "begin there."
     )
 
@@ -84,12 +87,12 @@ def _gore_blocks(params: EndcapParams) -> list[Block]:
         ),
         ruler(),
         Paragraph(
-            "They find dents that are hard to see. Cut a gore out (where its outline crosses a dot, cut 2 mm round the "
-            f"dot, as at the tip), punch its dots out {params.dot_mm:g} mm wide, and "
-            "lay it into the dome from the tip, print toward you, its middle at the azimuth below it: a dent lies "
-            "under every hole. Azimuth counts clockwise as you look into the dome, print toward you: gore 1 lies on "
-            "the line marked 0, the others follow clockwise. Lay it in again when the ink is dry: a hole without ink "
-            "is a dot that was missed. Numbers are rings."
+            "The gores show where dents are that are hard to see. Cut a gore out. Where its outline crosses a dot, as at "
+            f"the tip, cut 2 mm round the dot. Punch the dots out, {params.dot_mm:g} mm wide. Lay the gore into the "
+            "dome from the tip, print toward you, its middle at the azimuth below it: a dent lies under every hole. "
+            "Azimuth counts clockwise as you look into the dome, print toward you: gore 1 lies on the line marked 0, "
+            "the others follow clockwise. When the ink is dry, lay the gore in again: a hole without ink is a dot that "
+            "was missed. The numbers beside the dots are their rings."
         ),
         *gores(params),
     ]
@@ -143,11 +146,15 @@ def light_check(data: SheetData) -> list[Block]:
     return [
         Heading("First light", 1),
         Paragraph(
-            "Plug the camera in and save a frame of 640 x 480 with nothing touching the dome, once make setup has run: "
-            f"{INTERPRETER} -m sensing.sources save 0 a.jpg (0 is the camera's number; {INTERPRETER} -m "
-            "sensing.sources lists them). Compare with the drawing: dots black, the edge of the bright disc green, the "
-            "centre square dashed. It looks into the dome, as the camera does: azimuth 0 is at the right, and azimuth "
-            "counts clockwise, as on the gores."
+            "Run make setup once; it installs the programs. Plug in the LED ring and the camera, let nothing touch the "
+            "dome, and save a frame of 640 x 480. 0 is the camera's number; "
+            f"{INTERPRETER} -m sensing.sources lists them."
+        ),
+        Paragraph(f"{INTERPRETER} -m sensing.sources save 0 a.jpg"),
+        Paragraph(
+            "Compare a.jpg with the drawing: dots black, the edge of the bright disc green, the centre square dashed. "
+            "The drawing looks into the dome, as the camera does: azimuth 0 is at the right, and azimuth counts "
+            "clockwise, as on the gores."
         ),
         first_light(data.layout.params),
         Table(
@@ -155,11 +162,11 @@ def light_check(data: SheetData) -> list[Block]:
             (
                 ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
                 ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
-                 "ink missing, or lamps too dark"),
+                 "ink missing, or LEDs too dark"),
                 ("dots in the centre square", f"about {square} by the same{of_square}",
                  "camera not centred"),
-                ("brightness", "no white patches; the darkest dot still darker than its ground", "exposure "
-                "fixed by hand"),
+                ("brightness", "no white patches; every dot darker than the silicone round it",
+                 "set the exposure by hand: --exposure V, in the driver's unit"),
                 ("dots of the common meridian", _line_words(params), _turn_words(params)),
                 ("a second frame, a finger on the dome", *_finger_words(params)),
             ),
@@ -231,26 +238,33 @@ def _first_run(data: SheetData) -> list[Block]:
     params, material = data.layout.params, data.recipe.silicone.name
     train = train_command(params, material)
     weights = (
-        [Paragraph(f"No weights ship for this endcap; make them (minutes; setup and live find them): {train}")]
+        [Paragraph("No weights ship for this endcap. Make them (minutes); setup and live find them:"), Paragraph(train)]
         if train
         else []
     )
     return [
         Paragraph(
-            "Then see whether the dots are found: "
-            + program_command(
+            "Then see whether the dots are found. This command writes camera.json and fit.png:"
+        ),
+        Paragraph(
+            program_command(
                 "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
             )
-            + " writes fit.png: a.jpg with a green cross where the design has each dot that was found, seen by the "
+        ),
+        Paragraph(
+            "fit.png is a.jpg with marks. A green cross is where the design has a dot that was found, seen by the "
             "camera that fits best. A yellow line from a cross points to where the dot is painted, ten times as long "
             "as it is off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
         ),
         *weights,
         Paragraph(
-            "To run it: "
-            + program_command("sensing.setup", params, "--silicone", shlex.quote(material))
-            + " takes the untouched reference, finds the camera in it, and writes endcaps.toml; then "
-            + f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml shows force and contact. Neither "
-            'reads camera.json by itself: to use it, write camera = "camera.json" under [[endcap]] in endcaps.toml.'
+            "To run it, two commands. The first takes the untouched reference, finds the camera in it, and writes "
+            "endcaps.toml. The second shows force and contact:"
+        ),
+        Paragraph(program_command("sensing.setup", params, "--silicone", shlex.quote(material))),
+        Paragraph(f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml"),
+        Paragraph(
+            'Neither reads camera.json by itself. To use it, write camera = "camera.json" under [[endcap]] in '
+            "endcaps.toml."
         ),
     ]  # fmt: skip

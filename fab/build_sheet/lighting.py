@@ -57,8 +57,9 @@ def steps_of_wiring() -> list[Block]:
             (
                 "Cut a USB cable 300 mm behind its A plug. Red is 5 V, black is GND; cut green, white and the shield "
                 "short and insulate each by itself.",
-                "Slide heat-shrink over, solder the crimped SH cable on: contact 1 to red (5 V), contact 2 to black "
-                "(GND). The ring's plug J1 is on its back; 5V and GND are printed beside it.",
+                "Slide a piece of heat-shrink tube over each wire, then solder the crimped SH cable on: contact 1 to "
+                "red (5 V), contact 2 to black (GND). Shrink the tubes over the joints with the iron. The ring's plug "
+                "J1 is on its back; 5V and GND are printed beside it.",
                 "The colours of bought SH cables follow no rule. Before the ring is plugged in, measure on the free "
                 "plug: + on the contact that meets 5V. Reversed, the driver dies.",
             ),
@@ -67,8 +68,8 @@ def steps_of_wiring() -> list[Block]:
             "W2",
             "Try it before it is glued in",
             (
-                f"Plug it in: {LED_COUNT} LEDs light at once, there is no switch. The cable draws "
-                f"{1e3 * driver.input_a:.0f} mA.",
+                f"Plug it into J1 and into a USB port: {LED_COUNT} LEDs light at once, there is no switch. The cable "
+                f"draws {1e3 * driver.input_a:.0f} mA.",
                 f"It may share a USB port with the camera through a hub with its own supply, or take a second port; "
                 f"both together draw {draws:.0f} mA of the {1e3 * USB_A:.0f} mA that one USB 2.0 port gives.",
                 "No light: 5 V and GND exchanged, or one LED turned; the string is in series, one fault darkens all.",
@@ -91,23 +92,24 @@ def led_ring(data: SheetData) -> list[Block]:
         Heading("LED ring", 1),
         Paragraph(
             f"{ring_command(data)} writes the board's files (Gerber, drills, bill, "
-            f"placement) and its own checks. With {LED_COUNT} LEDs and R_set = {driver.r_set_ohm:g} ohm it draws "
+            f"placement) and its own checks. With {LED_COUNT} LEDs and R1 = {driver.r_set_ohm:g} ohm it draws "
             f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V (the paper: under {1e3 * RING_A:.0f}), efficiency "
             f"{100 * driver.efficiency:.0f} %. The spacer is PETG, which keeps its shape in rooms up to "
             f"{warmest_room_c(driver, params):.0f} °C by estimate; PLA would creep 15 K earlier."
         ),
         Heading("Parts of the board"),
         Paragraph(
-            "For who solders it; a board house takes led_ring-bom.csv. Numbers name parts that fit: any of the same "
-            "value, size and rating does as well. Marks on the board: a bar at each cathode, a dot at pin 1."
+            "For whoever solders it; a board house takes led_ring-bom.csv. Part numbers name parts that fit: any of "
+            "the same value, size and rating does as well. Marks on the board: a bar at each cathode, a dot at pin 1."
         ),
         Table(("place", "what", "order as", "size"), _parts(), (1.6, 2.4, 2.8, 0.8), is_small=True),
         Heading("Wiring"),
         *steps_of_wiring(),
         Heading("Light on this dome"),
         Paragraph(
-            "Half swing is the largest round any circle about the axis; darkest and brightest are over the mean of the "
-            "part that the camera sees. Computed from the places of the LEDs, one reflectance for the silicone."
+            "Half swing: by how much the light varies to either side of its mean on the worst circle about the axis. "
+            "Darkest and brightest: the light there over the mean of the part that the camera sees. Computed from the "
+            "places of the LEDs, with one reflectance for the silicone."
         ),
         Table(("LEDs", "half swing", "darkest", "brightest"), tuple(rows), (1, 1, 1, 1)),
         Picture(data.pictures["ring_light"], f"relative irradiance with {LED_COUNT} LEDs"),

@@ -28,9 +28,9 @@ def bed_needed(data: SheetData) -> str:
     name = max(squares, key=lambda part: squares[part])
     takers = ", ".join(data.fitting_printers) or "no printer of the table takes every part"
     return (
-        f"{name} needs the most, a square of {math.ceil(squares[name])} mm in its best turn; the tallest part is "
-        f"{math.ceil(max(data.heights_mm.values()))} mm high; with {MARGIN_MM:g} mm round each part these take all: "
-        f"{takers}"
+        f"{name} needs the most, a square of {math.ceil(squares[name])} mm when it is turned to fit best; the tallest "
+        f"part is {math.ceil(max(data.heights_mm.values()))} mm high; with {MARGIN_MM:g} mm round each part these take "
+        f"all: {takers}"
     )
 
 
@@ -40,7 +40,12 @@ def prints(data: SheetData) -> list[Block]:
     if data.sliced is None:
         first, second = (make_command(target, data) for target in ("slice", "sheet"))
         bed = f"Bed: {bed_needed(data)}."
-        return [title, Paragraph(bed), Paragraph(f"Not sliced yet: run {first}, then {second} again.")]
+        return [
+            title,
+            Paragraph(_coupon_words(data)),
+            Paragraph(bed),
+            Paragraph(f"Not sliced yet: run {first}, then {second} again."),
+        ]
     return [title, *_made_for(data, data.sliced), *_plates(data, data.sliced), *_filled(data, data.sliced["projects"])]
 
 
@@ -63,9 +68,9 @@ def _coupon_words(data: SheetData) -> str:
     is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
     wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
     return (
-        f"First the fit coupon: {coupons_line(data)}, print fit_plate, fit_tab in PLA and fit_nuts in TPU. These "
-        f"molds have joints of {layout.joint_clearance_mm:g} mm a side; if another step of the coupon fits, make "
-        f"them again with it (joint_clearance=). Of this size they can be {low:g} to {high:g} mm{wider}: where no such "
+        f"First the fit coupon: {coupons_line(data)}, print fit_plate and fit_tab in PLA, fit_nuts in TPU. These "
+        f"molds have joints of {layout.joint_clearance_mm:g} mm a side. If another step of the coupon fits, make "
+        f"them again with it (joint_clearance=). For this size it can be {low:g} to {high:g} mm{wider}. Where no such "
         "step fits, correct the horizontal expansion in your slicer and print the coupon again."
     )
 

@@ -32,17 +32,15 @@ def safety(data: SheetData) -> list[Block]:
                  "sticky. Wear nitrile or vinyl gloves. A rubber band may hold the bowl from outside"),
                 ("urethane rubbers in this mold, ReoFlex 60 for one", "they bond to PLA and TPU and stay there; the "
                  "mold is made for addition-cure silicone with a release agent"),
-                ("layer lines of the core and of the bowl's inside", "the dome copies them, and the camera sees those "
-                 "of the core as rings. Rub the core with grit 240, then 400, keep off its bumps; wash, dry, wipe with "
-                 "alcohol. Do not lacquer it: most lacquers hinder the cure"),
                 ("spray of release agent on the TPU interface", "silicone must hold in its gyroid"),
             ),
             (2, 3),
         ),
         Paragraph(
-            "First time, or another brand of filament: cure a spoonful of silicone on a spare print overnight. Is it "
-            "sticky where it touched the plastic, the cure was inhibited: do not cast. Read both data sheets; air the "
-            "room; eye protection while mixing and demolding."
+            "The first time, and with another brand of filament: cure a spoonful of silicone on a spare print "
+            "overnight. If it is sticky where it touched the plastic, the plastic stops the cure: do not cast. Read "
+            "the data sheets of silicone and release agent, air the room, and wear safety glasses when you mix and "
+            "demold."
         ),
     ]  # fmt: skip
 
@@ -59,9 +57,9 @@ def bill(data: SheetData) -> list[Block]:
         Heading("What you need", 1),
         Paragraph(
             "The same lines are in bom.csv. A part number names one that fits; any other of the same value, size and "
-            "rating does as well. Prices are estimates in US dollars: of printed parts the plastic in them, by the "
-            "gram; of all else what is paid for the whole pack that is ordered (bag, spool, kit, batch); bom.csv has "
-            "both. The last column says where a line comes from: "
+            "rating does as well. Prices are estimates in US dollars. For a printed part it is the plastic in it, by "
+            "the gram. For all else it is what is paid for the whole pack that is ordered (bag, spool, kit, batch). "
+            "bom.csv has both prices. The last column says where a line comes from: "
             + "; ".join(f"{letter} {words}" for letter, words in LEGEND)
             + "."
         ),

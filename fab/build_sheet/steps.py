@@ -57,7 +57,7 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "room_ml": f"{recipe.overflow.room / 1000:.1f}",
         "leak_ml": millilitres(recipe.overflow.leak),
         "pot_life_min": f"{recipe.silicone.pot_life_min:g}",
-        "robot": robot_words(data.robot) if robot_side(data.robot) else "your own robot",
+        "robot": robot_words(data.robot).removeprefix("flange ") if robot_side(data.robot) else "your own robot",
         "robot_fixing": _fixing(data.robot),
     }
 

@@ -107,7 +107,7 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
             "demold",
             "Bolts out, bowl off",
             (
-                "Take the six bolts out.",
+                "Cut the tape on the bowl and take the rubber band off. Take the six bolts out.",
                 "Draw the bowl's segments off one by one, straight away from the collar.",
             ),
             one_by_one(BOWL, to_dome, (*UPPER, "shell"), False),
@@ -171,7 +171,7 @@ def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             "wedges_out",
             "Wedges out",
             (
-                "The same way, with the same grip. Trim the flash at seam and vents, and inside the fins that the "
+                "The same way, with the same grip. Trim the flash at seam and vents. Inside, cut off the fins that the "
                 "core's joints have left: the camera sees them. Weigh the endcap.",
             ),
             WEDGES,

@@ -25,6 +25,10 @@ UPPER = ("hanger", *COLLAR, "interface", *CORE)
 HAND_MM = 0.2  # E: room between a bump and the gyroid for lowering by hand
 TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 AGENT = "Release agent on every PLA face that will touch silicone, seams too; let it dry as its label says."
+CORE_AGENT = (
+    "Before a piece meets the interface: release agent on every face that will touch silicone, seams too, and let it dry "
+    "as its label says; none may reach the gyroid."
+)
 NUMBERS = (
     "Keys look alike, and so do wedges, but their bumps differ. Hole up and round side away from you, number 1 has its "
     "hole on the left, 2 in the middle, 3 on the right."
@@ -107,7 +111,7 @@ def _core_lowered(out: tuple[Leg, ...]) -> tuple[Step, ...]:
             "upper half",
             "Lower the core into the interface, piece by piece",
             (
-                f"{AGENT} Neck first, straight down through the gyroid ring onto the hanger.",
+                f"{CORE_AGENT} Neck first, straight down through the gyroid ring onto the hanger.",
                 "First the centre, its tabs toward the middles of the collar's segments; then the three wedges against "
                 "its short sides; then the three keys, between the wedges and over the tabs.",
                 f"{NUMBERS} Each belongs where its hole meets that of the hanger.",
@@ -128,7 +132,7 @@ def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
             "upper half",
             "Put the core together inside the interface",
             (
-                f"{AGENT} At this size the gyroid closes in over the core's equator: the pieces go in through the "
+                f"{CORE_AGENT} At this size the gyroid closes in over the core's equator: the pieces go in through the "
                 "bore, as they will come out, last piece first.",
                 f"Interface, bore up, on a soft ring {_soft_ring(layout.params)}: the gyroid lies on it, the core "
                 "hangs through. Wedges in and outward, keys in between, the centre straight down.",

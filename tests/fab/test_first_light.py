@@ -158,7 +158,8 @@ def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
     layout = MoldLayout(params)
     blocks = painting(SheetData(layout, {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")}))
     step = next(block for block in blocks if isinstance(block, Step))
-    assert step.lines[-1].startswith(words) and "Write 0 at its end" in step.lines[-1]
+    assert step.lines[1].startswith(words) and "Write 0 at its end" in step.lines[1]
+    assert "begin there" in step.lines[1] and "from the tip outward" in step.lines[2]  # chosen before it is painted
     azimuths = [{round(d.azimuth_deg, 6) for d in dot_pattern(params) if d.ring == k} for k in range(1, len(rings))]
     assert len(set.intersection(*azimuths)) == (int(words[0]) if words[0].isdigit() else 1)
     full = sorted(set.intersection(*azimuths))
@@ -166,7 +167,7 @@ def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
     for azimuth in midway:  # turned by it, the base's holes meet the nuts, and the dots are where they were
         holes = {round((a + azimuth) % 360.0, 6) for a in params.screw_azimuths_deg}
         assert holes == {round(a % 360.0, 6) for a in params.screw_azimuths_deg}
-    assert 0.0 in midway and ("midway between two screw holes" in step.lines[-1]) == (len(full) > 1)
+    assert 0.0 in midway and ("midway between two screw holes" in step.lines[1]) == (len(full) > 1)
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     assert "Azimuth counts clockwise as you look into the dome, print toward you" in text
     assert "azimuth counts clockwise, as on the gores" in sheet(params)[0]

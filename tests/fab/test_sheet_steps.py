@@ -10,10 +10,10 @@ from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Table
-from fab.build_sheet.casting import _recipe_rows
+from fab.build_sheet.casting import _recipe_rows, casting, demolding
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling
-from fab.build_sheet.prints import _coupon_words, _preset, bed_needed
+from fab.build_sheet.prints import _coupon_words, _preset, bed_needed, prints
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.slice.printers import printer
@@ -55,8 +55,8 @@ def test_the_sheet_says_which_joints_of_the_coupon_these_molds_can_have(size, cl
     layout = MoldLayout(EndcapParams(*size), clearance, material)
     mix = recipe(2e5, overflow_of(layout), material)
     text = _coupon_words(SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {}))
-    assert f"joints of {clearance:g} mm a side; if another step of the coupon fits" in text
-    assert f"Of this size they can be {can_be}: where no such step fits" in text
+    assert f"joints of {clearance:g} mm a side. If another step of the coupon fits" in text
+    assert f"For this size it can be {can_be}. Where no such step fits" in text
 
 
 def test_a_preset_is_named_for_the_slicer_whose_files_name_it():
@@ -91,6 +91,23 @@ def test_the_bed_is_that_of_the_part_with_the_largest_square():
     mix = recipe(2e5, overflow_of(layout))
     data = SheetData(layout, {}, None, mix, [], [], [], checks, 0.0, {}, heights, ("A1 mini (180 x 180 x 180 mm)",))
     words = bed_needed(data)
-    assert words.startswith("hanger needs the most, a square of 168 mm in its best turn; the tallest part is 98 mm")
+    assert words.startswith(
+        "hanger needs the most, a square of 168 mm when it is turned to fit best; the tallest part is 98 mm"
+    )
     assert words.endswith("with 4 mm round each part these take all: A1 mini (180 x 180 x 180 mm)")
     assert bed_needed(SheetData(layout, {}, None, mix, [], [], [], [], 0.0, {})) == "not known"
+
+
+def test_core_tape_and_coupon_are_named_before_the_step_that_is_too_late_for_them():
+    """The core was smoothed under what stops the cure, the tape never cut, the coupon named once molds were sliced."""
+    layout = MoldLayout(PARAMS)
+    data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
+    assert "grit 240" in casting(data)[1].text and "Cut the tape" in demolding(data)[1].text
+    assert "First the fit coupon" in prints(data)[1].text and "Not sliced yet" in prints(data)[-1].text
+
+
+@pytest.mark.parametrize(("robot", "words"), [("iso_9409_1_50_4_m6", "(ISO 9409-1-50-4-M6)"), ("blank", "(your own")])
+def test_the_robots_flange_is_called_a_flange_once(robot, words):
+    layout = MoldLayout(PARAMS)
+    data = SheetData(layout, {"robot": robot}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
+    assert filled(data, ("the robot's flange ({robot})",))[0].startswith(f"the robot's flange {words}")

@@ -13,6 +13,7 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab import supplies
 from fab.bom import all_joints
+from fab.build_sheet.casting import casting, demolding
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import painting
 from fab.build_sheet.lighting import steps_of_wiring
@@ -40,6 +41,9 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"socket from below": "socket",
     r"[Aa]lcohol": "isopropyl alcohol",
     r"drop of glue": "glue",
+    r"[Ss]afety glasses": "safety glasses",
+    r"grit 240": "emery paper",
+    r"vacuum chamber": "vacuum chamber and pump",
 }
 
 
@@ -50,7 +54,7 @@ def items(robot: str = "iso_9409_1_50_4_m6") -> dict[str, tuple[str, str]]:
 def test_every_tool_that_a_step_asks_for_is_listed():
     data = SheetData(LAYOUT, {}, None, MIX, [], [], [], [], 0.0, {"dots": None})
     ways = dict.fromkeys(REMOVAL_ORDER, ())
-    words = f"{all_steps(LAYOUT, ways)} {steps_of_wiring()} {painting(data)}"
+    words = f"{all_steps(LAYOUT, ways)} {steps_of_wiring()} {painting(data)} {casting(data)} {demolding(data)}"
     for asked, item in ASKED_FOR.items():
         if item != "solder":  # its step says "solder the crimped cable on"
             assert re.search(asked, words), asked

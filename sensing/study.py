@@ -21,7 +21,7 @@ from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, chosen, parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.typed_folder import EXPORTS, typed_folder
-from cad.whole_file import make_folder, replace_file
+from cad.whole_file import make_folder, replace_file, require_place
 
 OPTIONS = {
     "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "",
@@ -113,11 +113,13 @@ def _map(options: dict[str, str]) -> int:
     designs = grid()
     if asked:
         require_possible(designs, load, error)
+    folder = Path(options["exports"]) / "study"
+    make_folder(folder)  # before minutes of work, which would be lost
+    for name in ("map.html", "map.csv"):
+        require_place(folder / name)
     LOG.info(f"the map: {len(designs)} designs are computed, {DESIGN_S * len(designs) / 60:.0f} minutes")
     places = survey(designs, _progress)
     choices = choose(places, load, error) if asked else []
-    folder = Path(options["exports"]) / "study"
-    make_folder(folder)
     question = f"load {load:g} N with {error:g} N of error an axis" if asked else ""
     replace_file(folder / "map.csv", as_csv(places).encode())
     replace_file(folder / "map.html", map_page(places, choices, question).encode())

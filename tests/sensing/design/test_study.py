@@ -191,6 +191,16 @@ def test_a_question_without_an_answer_is_refused_before_the_map(words, said, mon
     assert said in found and found.count("\n") == 1
 
 
+def test_a_map_that_cannot_be_written_is_refused_before_it_is_computed(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("sensing.design.region.survey", lambda *_: pytest.fail("the map was computed"))
+    (tmp_path / "file").touch()
+    (tmp_path / "study" / "map.html").mkdir(parents=True)
+    for exports, said in ((tmp_path / "file", "give a folder that can be made"), (tmp_path, "map.html: Is a directory")):
+        assert command.main([f"exports={exports}"]) == 2
+        found = capsys.readouterr().err
+        assert said in found and found.count("\n") == 1
+
+
 def test_the_grid_lies_inside_the_region_and_reaches_its_ends():
     designs = grid(6, 4)
     assert all(EndcapParams(*design) for design in designs)

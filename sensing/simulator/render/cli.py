@@ -31,6 +31,7 @@ from sensing.simulator.render.settings import LEVELS, Lamp, Paint, RenderSetting
 
 TILT_DEG, AZIMUTH_DEG = 30.0, 0.0  # of the bulge
 
+
 def main(arguments: list[str] | None = None) -> int:
     """Render one frame; returns the exit status."""
     options = _parser().parse_args(arguments)

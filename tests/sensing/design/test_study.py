@@ -195,7 +195,7 @@ def test_a_map_that_cannot_be_written_is_refused_before_it_is_computed(monkeypat
     monkeypatch.setattr("sensing.design.region.survey", lambda *_: pytest.fail("the map was computed"))
     (tmp_path / "file").touch()
     (tmp_path / "study" / "map.html").mkdir(parents=True)
-    for exports, said in ((tmp_path / "file", "give a folder that can be made"), (tmp_path, "map.html: Is a directory")):
+    for exports, said in ((tmp_path / "file", "that can be made"), (tmp_path, "map.html: Is a directory")):
         assert command.main([f"exports={exports}"]) == 2
         found = capsys.readouterr().err
         assert said in found and found.count("\n") == 1

@@ -81,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error(f"sensing.record: {error}")
         return 2
     except KeyboardInterrupt:
-        LOG.error("\nsensing.record: stopped; what is written stays, the same command goes on")
+        on = "a file is recorded whole, into an empty folder" if options.ft_csv else "the same command goes on"
+        LOG.error(f"\nsensing.record: stopped; what is written stays, {on}")
         return 130
     show(
         f"{options.out}: {result.written} frames written now, {recording.paths} paths in all, {result.unpaired} frames "

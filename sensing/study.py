@@ -21,12 +21,13 @@ from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, chosen, parse_design, parse_options
 from cad.plain_numbers import plain_number
 from cad.typed_folder import EXPORTS, typed_folder
-from cad.whole_file import make_folder, replace_file
+from cad.whole_file import make_folder, replace_file, require_place
 
 OPTIONS = {
     "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "",
     "exports": EXPORTS, "folder": "",
 }  # fmt: skip
+DESIGN_S = 1.4  # M: processor time of one design of the map (two cores, November 2026)
 HELP = """\
 options, as NAME=VALUE; two numbers at the start are D and T:
   D=130 T=8             the design: writes exports/D130_T8/study/: study.html, study.csv, study.json
@@ -105,14 +106,20 @@ def _design(options: dict[str, str]) -> int:
 
 def _map(options: dict[str, str]) -> int:
     from sensing.design.page import map_page
-    from sensing.design.region import as_csv, choose, grid, survey
+    from sensing.design.region import as_csv, choose, grid, require_possible, survey
 
     asked = bool(options["load"])
     load, error = (_number(name, options[name]) if asked else math.nan for name in ("load", "error"))
-    places = survey(grid(), _progress)
-    choices = choose(places, load, error) if asked else []
+    designs = grid()
+    if asked:
+        require_possible(designs, load, error)
     folder = Path(options["exports"]) / "study"
-    make_folder(folder)
+    make_folder(folder)  # before minutes of work, which would be lost
+    for name in ("map.html", "map.csv"):
+        require_place(folder / name)
+    LOG.info(f"the map: {len(designs)} designs are computed, {DESIGN_S * len(designs) / 60:.0f} minutes")
+    places = survey(designs, _progress)
+    choices = choose(places, load, error) if asked else []
     question = f"load {load:g} N with {error:g} N of error an axis" if asked else ""
     replace_file(folder / "map.csv", as_csv(places).encode())
     replace_file(folder / "map.html", map_page(places, choices, question).encode())

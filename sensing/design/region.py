@@ -61,14 +61,18 @@ class Place:
         return f"D={self.diameter_mm:g} T={self.wall_mm:g} {self.silicone}"
 
 
-def place_of(study: Study) -> Place:
-    """A study's figures for the map."""
+def place_of(study: Study, bound_n: float | None = None) -> Place:
+    """A study's figures for the map.
+
+    Args:
+        study: of one design. bound_n: the force bound; computed (seconds) where it is not given.
+    """
     safe_n, limit = study.safe
     params = study.params
     cost_usd = SILICONE_USD_KG * study.mass_g / 1000 + mold_usd(params)
     return Place(
         params.diameter_mm, params.wall_mm, study.silicone, study.range_n, safe_n, limit,
-        study.stiffness_n_mm(25.0), study.bound_n, study.mass_g, cost_usd,
+        study.stiffness_n_mm(25.0), study.bound_n if bound_n is None else bound_n, study.mass_g, cost_usd,
     )  # fmt: skip
 
 
@@ -145,17 +149,7 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
     Raises:
         ParameterError: none does; the message names the nearest.
     """
-    for name, value in (("load", load_n), ("error", error_n)):
-        if not (math.isfinite(value) and value > 0):
-            raise ParameterError(f"{name}={value:g}: give newtons, more than 0", name=name, value=value)
-    bears = [place for place in places if place.safe_n >= load_n]
-    if not bears:
-        most = max(places, key=lambda place: place.safe_n)
-        raise ParameterError(
-            f"load={load_n:g} N: no design bears it; the most is {most.safe_n:.4g} N with {most.label}",
-            name="load",
-            value=load_n,
-        )
+    bears = _bearing(places, load_n, error_n)
     good = [place for place in bears if place.error_n <= error_n]
     if not good:
         best = min(bears, key=lambda place: place.error_n)
@@ -178,6 +172,43 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
             others = "" if key(place) <= min(map(key, good)) else " but for those above,"
             chosen.append(Choice(place, _why(word + others, place, len(good))))
     return chosen
+
+
+def require_possible(designs: Sequence[tuple[float, float]], load_n: float, error_n: float) -> None:
+    """Refuse in a second what the map would refuse after minutes: loads and shares of the range need no bound.
+
+    Args:
+        designs: (D, T) of each, mm. load_n, error_n: as in :func:`choose`.
+
+    Raises:
+        ParameterError: no design bears the load, or those that do err more even if their dots were perfect.
+    """
+    plain = [place_of(Study(EndcapParams(*design), DEFAULT_SILICONE), 0.0) for design in designs]
+    bears = _bearing([in_silicone(place, name) for place in plain for name in silicones()], load_n, error_n)
+    best = min(bears, key=lambda place: place.error_n)
+    if best.error_n > error_n:
+        raise ParameterError(
+            f"error={error_n:g} N at load={load_n:g} N: no design is expected to do so well; trained weights err by "
+            f"{best.error_n:.3g} N at least, with {best.label}",
+            name="error",
+            value=error_n,
+        )
+
+
+def _bearing(places: Sequence[Place], load_n: float, error_n: float) -> list[Place]:
+    """Places that bear a load; refuses numbers that are no question, and a load that none bears."""
+    for name, value in (("load", load_n), ("error", error_n)):
+        if not (math.isfinite(value) and value > 0):
+            raise ParameterError(f"{name}={value:g}: give newtons, more than 0", name=name, value=value)
+    bears = [place for place in places if place.safe_n >= load_n]
+    if not bears:
+        most = max(places, key=lambda place: place.safe_n)
+        raise ParameterError(
+            f"load={load_n:g} N: no design bears it; the most is {most.safe_n:.4g} N with {most.label}",
+            name="load",
+            value=load_n,
+        )
+    return bears
 
 
 def _why(word: str, place: Place, count: int) -> str:

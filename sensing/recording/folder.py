@@ -70,6 +70,7 @@ class Recording:
         try:
             known = shard_files(folder)
             self._shard = int(known[-1].stem) + 1 if known else 0
+            self._earlier = known
             self.paths = max((_paths_to(path) for path in known), default=0)
             self._path = self.paths
             self._manifest(identity(params, silicone))
@@ -125,7 +126,7 @@ class Recording:
         """Write what has been added.
 
         Raises:
-            FileError: no space left (shards before stay).
+            FileError: no space left (shards before stay), or the folder holds these very frames.
         """
         if not self._rows:
             return
@@ -133,6 +134,9 @@ class Recording:
         for prefix, pictures in (("jpeg", self._pictures), ("reference_jpeg", [self._reference])):
             arrays[prefix] = np.frombuffer(b"".join(pictures), np.uint8)
             arrays[f"{prefix}_end"] = np.cumsum([len(picture) for picture in pictures])
+        while self._earlier:  # at the first shard only: a run that begins like an earlier one is the same
+            _require_other(self._earlier[-1], arrays)
+            self._earlier.pop()
         buffer = io.BytesIO()
         np.savez(buffer, **cast(dict[str, Any], arrays))
         replace_file(self.folder / "shards" / f"{self._shard:05d}.npz", buffer.getvalue())
@@ -172,6 +176,22 @@ def _paths_to(shard: Path) -> int:
         return int(found.max()) + 1
     except (ValueError, TypeError, OverflowError) as error:
         raise FileError(f"{shard}: not a shard of a recording ({error}): move it away") from error
+
+
+def _require_other(shard: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    """Refuse frames that a shard begins with, as of a video recorded twice: training and test would share them.
+
+    Raises:
+        FileError: it does, or it cannot be read.
+    """
+    names = ("force_n", "time_s", "jpeg_end")  # the sizes of two pictures of a camera differ, too
+    found = read_shard(shard, names)
+    count = min(len(found["time_s"]), len(arrays["time_s"]))
+    if all(np.array_equal(found[name][:count], arrays[name][:count]) for name in names):
+        raise FileError(
+            f"{shard.parents[1]}: holds this recording, or its beginning, already ({shard.name}): training and test "
+            "would share its frames; give another source, or record it whole into an empty folder"
+        )
 
 
 def _jpeg(image: Any) -> bytes:

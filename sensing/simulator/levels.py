@@ -38,7 +38,7 @@ from cad.errors import ParameterError
 from cad.materials import HyperelasticLaw
 from sensing.camera.mount import MountedCamera
 from sensing.simulator.contact.indenter import Indenter
-from sensing.simulator.press import tangential
+from sensing.simulator.press import tangential, validity
 from sensing.simulator.press.condensed import StoredTangent
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
@@ -63,7 +63,6 @@ TOLERANCE = 1e-3  # of level 2: residual over contact force
 MAX_TOLERANCE = 1e-2
 STEP_N = 5.0  # of one press
 Answer = Callable[[Target], SceneState]
-MOST_N = 10_000.0  # E: above what any shell bears within the depths that are modelled
 
 
 class Simulator:
@@ -140,9 +139,7 @@ class Simulator:
         Raises:
             Refusal: the state has no trustworthy answer.
         """
-        if not normal_n <= MOST_N:
-            limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
-            raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
+        validity.require_pressable(self.geometry, normal_n, shift_mm)
         friction = float(scene.pop("friction", 0.5))
         steps = max(1, round(normal_n / STEP_N))
         targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]

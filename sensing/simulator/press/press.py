@@ -187,7 +187,7 @@ class Press:
             contact=here.contact,
             wrench=wrench,
             reaction=reaction,
-            normal_n=-float(wrench[:3] @ self.frame[:, 0]),
+            normal_n=0.0 - float(wrench[:3] @ self.frame[:, 0]),  # without contact 0, not -0
             certificate=certificate,
             level=level,
             time_s=state.time_s if target.time_s is None else target.time_s,

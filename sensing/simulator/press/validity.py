@@ -13,13 +13,37 @@ from sensing.simulator.contact.friction import POINTS_PER_SIDE
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.solid.element import face_rule, shape_quad
+from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.shell import ShellModel
 
+MOST_N = 10_000.0  # E: above what any shell bears within the depths that are modelled
+MOST_TRAVEL = 2.0  # of R: a plane has slid long before and its state no longer changes; another body has left the dome
 MAX_REACH = 0.15  # of depth or radius, missed between the Gauss points: about what the force is then wrong by
 REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact's force, on nodes that the clamp holds
 STRIDE = 0.5  # of a body's radius: so far it comes in one step at most, so that its middle stays outside
 _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])
+
+
+def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[float, float]) -> None:
+    """Refuse at once a press that could only be refused after minutes.
+
+    Args:
+        geometry: of the shell. normal_n: force, N. shift_mm: tangential travel along (meridian, lateral).
+
+    Raises:
+        Refusal: ``range``.
+    """
+    if not normal_n <= MOST_N:
+        limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
+        raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
+    travel, most = float(np.hypot(*shift_mm)), MOST_TRAVEL * geometry.outer_radius_mm
+    if not travel <= most:
+        raise Refusal(
+            "range",
+            f"tangential travel of {travel:g} mm outside 0..{most:g} mm (2 R): a plane that has slid for some mm "
+            "changes nothing any more, and any other body has left the dome; give less",
+        )
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:

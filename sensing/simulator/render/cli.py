@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from cad.design_arguments import add_design_arguments, design_of
-from cad.errors import EndcapError, FileError
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.messages import LOG
 from cad.params import EndcapParams
@@ -29,11 +29,14 @@ from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.sensor import Image
 from sensing.simulator.render.settings import LEVELS, Lamp, Paint, RenderSettings, Sensor
 
+TILT_DEG, AZIMUTH_DEG = 30.0, 0.0  # of the bulge
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Render one frame; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
+        _require_used(options)
         params = design_of(options)
         mounted = MountedCamera.load(options.camera) if options.camera else nominal_mount(params)
         photo = _read(options.beside) if options.beside else None
@@ -61,8 +64,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--beside", metavar="PHOTO", help="put this photo to the right of the rendered frame")
     add("--displacement", metavar="NPZ", help="file with surface_mm (n, 3) undeformed and displacement_mm (n, 3)")
     add("--bulge", type=number, default=0.0, metavar="MM", help="a smooth inward bulge for looks; no mechanics")
-    add("--tilt", type=number, default=30.0, metavar="DEG", help="polar angle of the bulge (30)")
-    add("--azimuth", type=number, default=0.0, metavar="DEG", help="azimuth of the bulge (0)")
+    add("--tilt", type=number, metavar="DEG", help=f"polar angle of the bulge ({TILT_DEG:g})")
+    add("--azimuth", type=number, metavar="DEG", help=f"azimuth of the bulge ({AZIMUTH_DEG:g})")
     add("--level", choices=list(LEVELS), default="data", help="quality (data)")
     add("--seed", type=whole, default=0, help="paint and noise (0)")
     add("--frame", type=whole, default=0, help="frame number: other noise, same paint (0)")
@@ -74,6 +77,26 @@ def _parser() -> argparse.ArgumentParser:
     add("--exposure", type=number, default=1.0, help="factor on the light (1)")
     add("--gradient", type=number, default=0.0, help="lamp gradient across the ring, -1..1 (0)")
     return parser
+
+
+def _require_used(options: argparse.Namespace) -> None:
+    """Refuse options of the bulge that would change nothing in the picture.
+
+    Raises:
+        ParameterError: a bulge beside a displacement from a file, or its place without a bulge.
+    """
+    if options.displacement and options.bulge != 0:
+        raise ParameterError(
+            f"--bulge {options.bulge:g}: the displacement comes from {options.displacement}; give one of the two",
+            name="bulge",
+            value=options.bulge,
+        )
+    for name in ("tilt", "azimuth"):
+        if (value := getattr(options, name)) is not None and options.bulge == 0:
+            advice = "leave it out" if options.displacement else "give --bulge MM (not 0), too, or leave it out"
+            raise ParameterError(
+                f"--{name} {value:g} says where a bulge lies, and there is none: {advice}", name=name, value=value
+            )
 
 
 def _renderer(options: argparse.Namespace, params: EndcapParams, mounted: MountedCamera) -> DomeRenderer:
@@ -100,7 +123,8 @@ def _displacement(options: argparse.Namespace, params: EndcapParams, surface_mm:
         return _load(options.displacement)[1]
     if options.bulge == 0:
         return None
-    tilt, azimuth = np.radians([options.tilt, options.azimuth])
+    given = zip((options.tilt, options.azimuth), (TILT_DEG, AZIMUTH_DEG), strict=True)
+    tilt, azimuth = np.radians([usual if angle is None else angle for angle, usual in given])
     axis = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     top = params.inner_radius_mm * axis + [0, 0, params.centre_height_mm]
     share = np.exp(-((np.linalg.norm(surface_mm - top, axis=1) / 18) ** 2))

@@ -175,6 +175,32 @@ def test_the_question_is_answered_by_designs_that_do_it_or_refused_with_the_near
             choose(places, load, error)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["load=100000", "error=0.01"], "load=100000 N: no design bears it; the most is"),
+        (["load=60", "error=0.0001"], "error=0.0001 N at load=60 N: no design is expected to do so well"),
+        (["load=0", "error=1"], "load=0: give newtons, more than 0"),
+    ],
+)
+def test_a_question_without_an_answer_is_refused_before_the_map(words, said, monkeypatch, tmp_path, capsys):
+    """Five minutes of map came first."""
+    monkeypatch.setattr("sensing.design.region.survey", lambda *_: pytest.fail("the map was computed"))
+    assert command.main([*words, f"exports={tmp_path}"]) == 2
+    found = capsys.readouterr().err
+    assert said in found and found.count("\n") == 1
+
+
+def test_a_map_that_cannot_be_written_is_refused_before_it_is_computed(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("sensing.design.region.survey", lambda *_: pytest.fail("the map was computed"))
+    (tmp_path / "file").touch()
+    (tmp_path / "study" / "map.html").mkdir(parents=True)
+    for exports, said in ((tmp_path / "file", "that can be made"), (tmp_path, "map.html: Is a directory")):
+        assert command.main([f"exports={exports}"]) == 2
+        found = capsys.readouterr().err
+        assert said in found and found.count("\n") == 1
+
+
 def test_the_grid_lies_inside_the_region_and_reaches_its_ends():
     designs = grid(6, 4)
     assert all(EndcapParams(*design) for design in designs)

@@ -3,6 +3,7 @@
 import io
 import json
 import time
+from contextlib import nullcontext
 
 import cv2
 import numpy as np
@@ -22,7 +23,7 @@ from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, warp_image
 from sensing.tracking.zero import single_zero, take_zero
 
-PATIENCE_S = 60.0
+PATIENCE_S, MOUNT = 60.0, FtMount(np.eye(4), 1)
 
 
 def test_progress_says_what_is_waited_for():
@@ -131,9 +132,6 @@ def write_csv(path, forces, tare=0.0):  # four samples a frame, one of them at i
     return path
 
 
-MOUNT = FtMount(np.eye(4), 1)
-
-
 def test_recording_pairs_tares_parts_paths_and_goes_on(pressed, tmp_path):
     frames, forces = pressed
     csv = write_csv(tmp_path / "ft.csv", forces, tare=5.0)
@@ -147,7 +145,7 @@ def test_recording_pairs_tares_parts_paths_and_goes_on(pressed, tmp_path):
     assert items[0].frame.jpeg == frames[30].jpeg
     seed = data.manifest["request"]["seed"]
     again = Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT)
-    record.record(frames, CsvFt(csv), again)
+    record.record(frames, CsvFt(write_csv(tmp_path / "more.csv", 1.1 * forces)), again)
     more = LabelledSet(tmp_path / "set")
     assert more.manifest["request"]["seed"] == seed and set(more.column("path")) == set(range(8))
     with pytest.raises(FileError, match="another recording is writing"):
@@ -156,6 +154,15 @@ def test_recording_pairs_tares_parts_paths_and_goes_on(pressed, tmp_path):
     with pytest.raises(FileError, match="holds a set with wall_mm"):
         Recording(tmp_path / "set", EndcapParams(130, 10), MOUNT)
     assert not list((tmp_path / "set").rglob("*.part"))
+
+
+def test_a_video_recorded_again_after_a_stop_is_refused_as_training_and_test_would_share_it(pressed, tmp_path):
+    refused = pytest.raises(FileError, match="holds this recording, or its beginning, already")
+    for count, factor, ends in ((60, 1.0, nullcontext()), (76, 1.1, nullcontext()), (76, 1.0, refused)):
+        stream = CsvFt(write_csv(tmp_path / "a.csv", factor * pressed[1]))
+        with Recording(tmp_path / "set", EndcapParams(130, 8), MOUNT) as recording, ends:
+            record.record(pressed[0][:count], stream, recording)
+    assert len(list(LabelledSet(tmp_path / "set").frames())) == 30 + 46
 
 
 def test_the_reference_is_looked_for_with_the_design_s_dots(pressed, tmp_path, monkeypatch):

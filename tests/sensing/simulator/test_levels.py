@@ -116,6 +116,14 @@ def test_a_force_that_no_shell_bears_is_refused_at_once(simulator: Simulator, no
         simulator.press(normal_n)
 
 
+@pytest.mark.parametrize("shift_mm", [(500.0, 0.0), (0.0, -131.0), (float("nan"), 0.0), (100.0, 100.0)])
+def test_a_travel_beyond_the_dome_is_refused_at_once(simulator, shift_mm, monkeypatch) -> None:
+    """500 mm gave no answer in 150 s."""
+    monkeypatch.setattr(Simulator, "walk", lambda *_: pytest.fail("it was pressed first"))
+    with pytest.raises(Refusal, match=r"^range: tangential travel of .* mm outside 0\.\.130 mm"):
+        simulator.press(20.0, 30.0, shift_mm)
+
+
 def test_a_press_passes_loads_that_its_mesh_cannot_feel() -> None:
     simulator = Simulator(shell_geometry(243, 21), LAW, "data", level=1)
     bump = {"tilt_deg": 40.0, "kind": "sphere", "radius_mm": 33.0}

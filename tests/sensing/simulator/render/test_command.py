@@ -66,3 +66,22 @@ def test_a_frame_under_zero_gets_one_line_and_whole_numbers_are_displacements(tm
     np.savez(tmp_path / "field.npz", surface_mm=NODES, displacement_mm=INWARD.astype(int))
     assert main(["--displacement", str(tmp_path / "field.npz"), "--level", "draft", "--out", str(out)]) == 0
     assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--displacement", "field.npz", "--bulge", "5"], "--bulge 5: the displacement comes from field.npz"),
+        (["--tilt", "50"], "--tilt 50 says where a bulge lies, and there is none: give --bulge MM"),
+        (["--azimuth", "0", "--bulge", "0"], "--azimuth 0 says where a bulge lies, and there is none: give --bulge MM"),
+        (["--displacement", "field.npz", "--tilt", "50"], "and there is none: leave it out"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(words, said, tmp_path, monkeypatch, capsys):
+    """Bulge, tilt and azimuth were left out without a word."""
+    monkeypatch.chdir(tmp_path)
+    np.savez("field.npz", surface_mm=NODES, displacement_mm=INWARD)
+    assert main([*words, "--level", "draft", "--out", "frame.png"]) == 2
+    found = capsys.readouterr().err
+    assert said in found and found.count("\n") == 1
+    assert not (tmp_path / "frame.png").exists()

@@ -87,8 +87,8 @@ def _gore_blocks(params: EndcapParams) -> list[Block]:
         ),
         ruler(),
         Paragraph(
-            "The gores show where dents are that are hard to see. Cut a gore out. Where its outline crosses a dot, as at "
-            f"the tip, cut 2 mm round the dot. Punch the dots out, {params.dot_mm:g} mm wide. Lay the gore into the "
+            "The gores show where dents are that are hard to see. Cut a gore out. Where its outline crosses a dot, as "
+            f"at the tip, cut 2 mm round the dot. Punch the dots out, {params.dot_mm:g} mm wide. Lay the gore into the "
             "dome from the tip, print toward you, its middle at the azimuth below it: a dent lies under every hole. "
             "Azimuth counts clockwise as you look into the dome, print toward you: gore 1 lies on the line marked 0, "
             "the others follow clockwise. When the ink is dry, lay the gore in again: a hole without ink is a dot that "

@@ -10,7 +10,7 @@ from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Table
-from fab.build_sheet.casting import _recipe_rows, casting, demolding
+from fab.build_sheet.casting import _recipe_rows, casting
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling
 from fab.build_sheet.prints import _coupon_words, _preset, bed_needed, prints
@@ -102,7 +102,8 @@ def test_core_tape_and_coupon_are_named_before_the_step_that_is_too_late_for_the
     """The core was smoothed under what stops the cure, the tape never cut, the coupon named once molds were sliced."""
     layout = MoldLayout(PARAMS)
     data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
-    assert "grit 240" in casting(data)[1].text and "Cut the tape" in demolding(data)[1].text
+    opening = next(step for step in cast_steps(layout, dict.fromkeys(REMOVAL_ORDER, ())) if step.key == "bowl_off")
+    assert "grit 240" in casting(data)[1].text and opening.lines[0].startswith("Cut the tape")
     assert "First the fit coupon" in prints(data)[1].text and "Not sliced yet" in prints(data)[-1].text
 
 

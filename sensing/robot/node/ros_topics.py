@@ -57,8 +57,8 @@ class RobotTopics:
     def report(self, report: Report) -> None:
         """All messages of one report."""
         estimate = report.estimate
-        follows = self._wall_ns is None
-        stamp = self._clock.stamp_ns(estimate.time_s) if follows else self._wall_ns + whole_ns(estimate.time_s)
+        wall_ns, time_s = self._wall_ns, estimate.time_s
+        stamp = self._clock.stamp_ns(time_s) if wall_ns is None else wall_ns + whole_ns(time_s)
         for bar in estimate.bars:
             self._write(f"robot/bar/{self._part_of[bar.name]}/odometry", messages.odometry(bar, stamp))
         self._write("robot/endcaps", messages.endcap_poses(estimate, stamp))

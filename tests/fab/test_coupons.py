@@ -174,8 +174,8 @@ def test_what_floats_in_the_tray_is_held():
     """Nothing held the TPU in its denser silicone: 12 g of lift on a foot of 15 % infill, 26 on a spacer."""
     assert filament("TPU 95A").density_g_cm3 < silicone(DEFAULT_SILICONE).density_g_cm3
     words = " ".join(PAGE.read_text(encoding="utf-8").split())
-    assert "Stick the TPU to the tray and the spacer to the TPU" in words
-    assert words.index("Stick the TPU") < words.index("Silicone to the brim")
+    assert "Stick the TPU to the tray, and the spacer to the TPU" in words
+    assert words.index("Stick the TPU") < words.index("silicone to the brim")
 
 
 def test_bad_options(capsys, tmp_path):

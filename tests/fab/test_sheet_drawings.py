@@ -76,7 +76,7 @@ def test_a_dot_that_the_outline_of_its_gore_crosses_is_not_cut_in_half(params):
         crossed += sum(outline.distance(Point(float(x), float(y))) < params.dot_radius_mm for x, y in places)
     assert crossed >= 4  # the one at the tip, in every size; others lie on the meridian between two gores
     text = " ".join(block.text for block in finishing._gore_blocks(params) if isinstance(block, Paragraph))
-    assert "where its outline crosses a dot, cut 2 mm round the dot" in text
+    assert "Where its outline crosses a dot, as at the tip, cut 2 mm round the dot." in text
 
 
 def test_dots_on_a_gore_keep_their_arc_length_from_the_tip():

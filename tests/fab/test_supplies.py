@@ -32,7 +32,7 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"insulate each": "wire stripper",
     r"flat piece of metal": "flat piece of metal",
     r"Trim the flash|Cut a gore out": "scissors",
-    r"punch its dots": "hole punch",
+    r"Punch the dots out": "hole punch",
     r"Print this page": "paper printer",
     r"spirit level": "spirit level",
     r"measure on the free": "multimeter",

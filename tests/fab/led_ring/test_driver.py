@@ -156,7 +156,7 @@ def test_the_page_has_the_numbers_of_the_circuit():
         f"| {1e3 * driver.input_a:.0f} mA | {1e3 * max(at.input_a for at in every):.0f} mA |",
         f"worst of {len(every)} corners",
         f"with nine LEDs in {100 * nine['corners_where_the_current_stops_share']:.0f} % of the corners, with six in "
-        f"{100 * six['corners_where_the_current_stops_share']:.0f} %; it flows for "
+        f"{100 * six['corners_where_the_current_stops_share']:.0f} %. There it flows for "
         f"{nine['least_conducting_share_of_a_period']:.2f} and {six['least_conducting_share_of_a_period']:.2f} of",
     ):
         assert line in page, line

@@ -34,7 +34,7 @@ from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
-from sensing.arguments import number, port, silicone_name, whole
+from sensing.arguments import number, silicone_name, whole
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.core.warm_up import warm_up
@@ -241,7 +241,7 @@ def _parser() -> argparse.ArgumentParser:
         "--rest", type=whole, default=REST_FRAMES, metavar="N", help=f"first, untouched frames ({REST_FRAMES})"
     )
     parser.add_argument("--frames", type=whole, metavar="N", help="stop after so many frames")
-    parser.add_argument("--port", type=port, default=49152, metavar="N", help="of the NetFT (49152)")
+    parser.add_argument("--port", type=whole, default=49152, metavar="N", help="of the NetFT (49152)")
     parser.add_argument("--ft-rate", type=number, metavar="HZ", help="counts a second of the NetFT (found out)")
     parser.add_argument("--ft-delay", type=number, metavar="S", help="network delay of a sample (half the answer time)")
     parser.add_argument("--counts-n", type=number, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")

@@ -25,10 +25,7 @@ UPPER = ("hanger", *COLLAR, "interface", *CORE)
 HAND_MM = 0.2  # E: room between a bump and the gyroid for lowering by hand
 TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 AGENT = "Release agent on every PLA face that will touch silicone, seams too; let it dry as its label says."
-CORE_AGENT = (
-    "Before a piece meets the interface: release agent on every face that will touch silicone, seams too, and let it "
-    "dry as its label says; none may reach the gyroid."
-)
+CORE_AGENT = f"{AGENT} Do so before a piece meets the interface: none may reach the gyroid."
 NUMBERS = (
     "Keys look alike, and so do wedges, but their bumps differ. Hole up and round side away from you, number 1 has its "
     "hole on the left, 2 in the middle, 3 on the right."

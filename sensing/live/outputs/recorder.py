@@ -29,6 +29,7 @@ from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.index_on_disk import IndexOnDisk
+from sensing.live.outputs.new_recording import create
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
 from sensing.live.outputs.recorded_tracks import (
     NOTES,
@@ -100,7 +101,7 @@ class Recorder(QueuedSink):
         self._wall_ns = wall_less_monotonic_ns()  # fixed: stamps do not follow a clock being set
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)
-        self._stream = _create(path) if stream is None else stream
+        self._stream = create(path) if stream is None else stream
         compression = CompressionType.ZSTD if pictures is Pictures.NONE else CompressionType.NONE
         self._writer = Writer(
             self._stream, chunk_size=1 << 62, compression=compression, enable_data_crcs=True
@@ -267,12 +268,3 @@ class Recorder(QueuedSink):
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-
-
-def _create(path: Path) -> BinaryIO:
-    try:
-        return path.open("xb")
-    except FileExistsError:
-        raise FileError(f"{path}: is there already: choose another name for the recording") from None
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None

@@ -16,6 +16,7 @@ from cad.messages import LOG, transient
 from sensing.arguments import number, port, whole
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
+from sensing.live.outputs.new_recording import require_new
 from sensing.robot.node.record import Report, report_text
 from sensing.robot.node.run import SILENT_S, Output, RobotSource
 from sensing.robot.node.terminal import RobotTerminal
@@ -97,13 +98,12 @@ class JsonOutput:
 
 def _run(options: argparse.Namespace) -> int:
     from sensing.robot.estimator import RobotEstimator
-    from sensing.robot.node.recorder import refuse_taken
     from sensing.robot.node.run import run_robot
 
     file, live = options.config or SHIPPED, options.live or options.endcaps is not None
     robot, description = load_robot(file), file.read_bytes()
     if options.record is not None:  # before minutes are simulated
-        refuse_taken(options.record)
+        require_new(options.record)
     source = _source(options, robot)
     wall_ns, silent_s = (None, SILENT_S) if live else (time.time_ns(), math.inf)  # a simulated clock begins at 0
     estimator = RobotEstimator(robot)

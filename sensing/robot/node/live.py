@@ -94,7 +94,10 @@ class LiveRobot:
                     named_s = math.inf
                     self._name_silent()
                 ready = self._here is None or self._here.ready()
-                waiting, at_s = self._waiting() if ready else self._waiting()[:0], time.monotonic()
+                waiting = self._waiting()
+                if not ready:  # what came before the endcaps here is dropped
+                    waiting = []
+                at_s = time.monotonic()
                 for sample in waiting:
                     yield _paced(at_s, sample.time_s - waiting[0].time_s), sample
                 self._name_slowness(time.monotonic() - at_s)

@@ -16,6 +16,7 @@ from mcap.writer import CompressionType, Writer
 from cad.errors import FileError
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.index_on_disk import IndexOnDisk
+from sensing.live.outputs.new_recording import create
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.robot.node import messages
@@ -27,19 +28,6 @@ from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
 METADATA, FORMAT, DESCRIPTION = "endcap_robot", "1", "robot.toml"
 LENGTHS, ESTIMATE = "/cable_lengths", "/robot/estimate"
 FLUSH_S = 1.0  # what a killed run may lose
-_TAKEN = "{}: is there already: choose another name for the recording"
-
-
-def refuse_taken(path: Path) -> None:
-    """Refuse early what :class:`RobotRecorder` would refuse.
-
-    Raises:
-        FileError: the file exists, or its folder does not.
-    """
-    if path.exists():
-        raise FileError(_TAKEN.format(path))
-    if not path.parent.is_dir():
-        raise FileError(f"{path}: no folder {path.parent}: give a folder that exists and may be written")
 
 
 class RobotRecorder:
@@ -67,12 +55,7 @@ class RobotRecorder:
         self._kept = 0, 0  # samples and reports in the chunks that are in the file
         self.wall_ns = wall_less_monotonic_ns() if wall_ns is None else wall_ns
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
-        try:
-            self._stream = path.open("xb")
-        except FileExistsError:
-            raise FileError(_TAKEN.format(path)) from None
-        except OSError as error:
-            raise FileError(f"{path}: {error.strerror}: give a folder that exists and may be written") from None
+        self._stream = create(path)
         self._writer = Writer(self._stream, chunk_size=1 << 18, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._index = self._indexed()
         self._channels: dict[str, int] = {}

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.simulator.similarity.ratios import REFERENCE_RADIUS_MM, REFERENCE_WALL_MM, LoadScale
+from sensing.simulator.similarity.ratios import REFERENCE_SHEAR_MPA, LoadScale
+from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.walk.mjcf import sphere_centre_m
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import (
@@ -207,8 +208,7 @@ def true_wrenches(
 
 def shell_scale(endcap: MountedEndcap) -> LoadScale:
     """Loads of an endcap's shell in proportion to those of D=130 T=8, in the same silicone."""
-    wall = endcap.wall_mm / REFERENCE_WALL_MM
-    return LoadScale(wall**2, wall, endcap.diameter_mm / 2 / REFERENCE_RADIUS_MM)
+    return LoadScale.of(shell_geometry(endcap.diameter_mm, endcap.wall_mm), REFERENCE_SHEAR_MPA)
 
 
 def wrench_sigma(tilt_deg: Array, load_n: Array, scale: LoadScale) -> Array:

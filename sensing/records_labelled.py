@@ -14,7 +14,6 @@ the origin of the endcap frame.
 
 from __future__ import annotations
 
-import fcntl
 import operator
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from cad.identity import Identity
 from cad.params import EndcapParams
 from sensing.npz import read_npz
 from sensing.records import Frame, Wrench
-from sensing.set_manifest import identity_of, read_manifest
+from sensing.set_manifest import identity_of, is_locked, read_manifest
 
 COLUMNS: dict[str, str] = {
     "path": "loading path (int); frames of one path follow one another and must stay on one side of a split",
@@ -76,9 +75,11 @@ class LabelledFrame:
         reference: the untouched endcap in the same light.
         wrench: on the endcap, endcap frame; of simulated motions the mean of beginning and end of the exposure.
         contact: whether anything touches.
-        dots_mm: (d, 3) displacement of the dots in the order of ``cad.dots.dot_pattern``.
-        dots_px: (d, 2) where their ink is seen. dots_visible: (d,).
-        path: loading path. phase: its name.
+        dots_mm: (d, 3) displacement of the dots, mm, in the order of ``cad.dots.dot_pattern``.
+        dots_px: (d, 2) where their ink is seen, full-size pixels; NaN out of view.
+        dots_visible: (d,) whether a dot is painted, in the picture and not hidden.
+        path: number of the loading path.
+        phase: name of the phase of that path, such as "touch".
         labels: the row of every column (:data:`COLUMNS`).
     """
 
@@ -150,7 +151,7 @@ class LabelledSet:
         if not self.shards:
             raise FileError(f"{self.folder}: a set without shards: let the command that writes it run first")
         wanted = int(self.manifest.get("shards", 0))
-        if _is_locked(self.folder) or len(self.shards) < wanted:
+        if is_locked(self.folder) or len(self.shards) < wanted:
             said = f"{len(self.shards)} of {wanted} shards" if wanted else f"{len(self.shards)} shards so far"
             raise FileError(
                 f"{self.folder}: not whole ({said}), still being written or interrupted: let the command that writes "
@@ -170,7 +171,8 @@ class LabelledSet:
         """One frame, in the order of :meth:`frames`; a negative index counts from the end.
 
         Raises:
-            IndexError: no such frame. FileError: a corrupt shard, or a set without pictures.
+            IndexError: no such frame.
+            FileError: a corrupt shard, or a set without pictures.
         """
         row = operator.index(index)
         row = row + len(self) if row < 0 else row
@@ -190,7 +192,8 @@ class LabelledSet:
         """One column over all shards, in the order of :meth:`frames`.
 
         Raises:
-            ParameterError: unknown column. FileError: a corrupt shard.
+            ParameterError: unknown column.
+            FileError: a corrupt shard.
         """
         if name not in COLUMNS:
             raise ParameterError(f"column={name!r} is none of {', '.join(COLUMNS)}", name="column", value=name)
@@ -259,18 +262,6 @@ class LabelledSet:
             phase=self.phases[int(labels["phase"])],
             labels=labels,
         )
-
-
-def _is_locked(folder: Path) -> bool:
-    """Whether a writer holds the folder; its lock goes with its process."""
-    try:
-        with (folder / ".lock").open() as stream:
-            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False  # never locked
-    return False
 
 
 def shard_files(folder: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 from pathlib import Path
 from typing import Any
@@ -34,11 +35,24 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
 
 
+def is_locked(folder: Path) -> bool:
+    """Whether a writer holds the folder of a set; the lock ends with the writer's process."""
+    try:
+        with (folder / ".lock").open() as stream:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False  # never locked
+    return False
+
+
 def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
     """What a manifest says of the endcap; a silicone that it names only among its options counts, too.
 
     Args:
-        folder: for the message. manifest: of :func:`read_manifest`.
+        folder: for the message.
+        manifest: of :func:`read_manifest`.
 
     Raises:
         FileError: it does not say it, or is damaged.

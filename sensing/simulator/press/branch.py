@@ -13,6 +13,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from sensing.simulator.press import newton
 from sensing.simulator.press.state import Refusal
+from sensing.simulator.press.step import Iterate, Solution, StepProblem
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.system import factorise_sparse
 
@@ -20,7 +21,7 @@ PUSHES = (0.03, -0.03, 0.15, -0.15)  # of the wall, at the point that moves most
 MODES = 3  # of the eigenvalues nearest to zero, among which the lowest is taken
 
 
-def softest_mode(problem: newton.StepProblem, here: newton.Iterate) -> tuple[float, Array]:
+def softest_mode(problem: StepProblem, here: Iterate) -> tuple[float, Array]:
     """Lowest eigenvalue near zero of the symmetric tangent (N/mm), and its field (n, 3), largest entry 1."""
     bound = problem.friction * here.contact.pressure if problem.friction > 0 else None
     fraction = here.contact.contact_fraction if problem.friction > 0 else None
@@ -35,7 +36,7 @@ def softest_mode(problem: newton.StepProblem, here: newton.Iterate) -> tuple[flo
     return float(values.min()), field / field.ravel()[int(np.abs(field).argmax())]
 
 
-def leave(problem: newton.StepProblem, unstable: newton.Solution) -> newton.Solution | None:
+def leave(problem: StepProblem, unstable: Solution) -> Solution | None:
     """A stable equilibrium beside an unstable one, or None where none is found."""
     value, mode = softest_mode(problem, unstable.iterate)
     if value >= 0:

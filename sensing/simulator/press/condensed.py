@@ -14,7 +14,7 @@ import numpy as np
 
 from sensing.simulator.contact.friction import ContactMemory, ContactResponse, ContactSurface, respond
 from sensing.simulator.contact.indenter import translation
-from sensing.simulator.press.newton import StepProblem
+from sensing.simulator.press.step import StepProblem
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 from sensing.simulator.solid.shell import ShellModel
@@ -34,10 +34,14 @@ class StoredTangent:
         depth_mm, shift_mm, normal_n, displacement: the state at which it was taken.
         factor: factorisation of K0.
         surface: contact quadrature of the patch faces, nodes numbered within the patch.
-        faces: their numbers on the whole surface. nodes: node numbers of the patch (s,).
-        live: which of the 3 s patch degrees of freedom are free. rows: their unknowns.
+        faces: their numbers on the whole surface.
+        nodes: node numbers of the patch (s,).
+        live: which of the 3 s patch degrees of freedom are free.
+        rows: their unknowns.
         places: position of every face's degrees of freedom among the live ones, len(live) where fixed (faces, 27).
-        response: K0^-1 P' (unknowns, live). compliance: P K0^-1 P' (live, live), mm/N. stiffness: its inverse.
+        response: K0^-1 P' (unknowns, live).
+        compliance: P K0^-1 P' (live, live), mm/N.
+        stiffness: its inverse.
     """
 
     depth_mm: float
@@ -83,7 +87,8 @@ class CondensedStep:
     """The dense problem of one step: compliance of ``inverse``, contact of ``problem``.
 
     Args:
-        problem: the step. inverse: compliance and stiffness of the patch.
+        problem: the step.
+        inverse: compliance and stiffness of the patch.
         last_shift_mm: tangential travel of the body at the last state, along (meridian, lateral).
         converged: error, relative, under which :meth:`solve` is done.
     """
@@ -107,7 +112,8 @@ class CondensedStep:
 
         Args:
             plain: unknowns without contact, v over the whole solid (unknowns,).
-            patch: guess of the patch displacement (s, 3). depth_mm: guess of the depth, or the given one.
+            patch: guess of the patch displacement (s, 3).
+            depth_mm: guess of the depth, or the given one.
             first: the guess belongs to the last state, before the body's tangential travel.
 
         Returns:
@@ -257,7 +263,9 @@ def stored_tangent(
     """Factorise the elastic tangent at a displacement and condense it on the faces near the body.
 
     Args:
-        model: the shell. displacement: nodal (n, 3), mm. contact: response there; its gaps choose the faces.
+        model: the shell.
+        displacement: nodal (n, 3), mm.
+        contact: response there; its gaps choose the faces.
         depth_mm, shift_mm, normal_n: depth, tangential travel and force on the whole shell there (mm, N), so that the
             nearest of several tangents can be found.
     """

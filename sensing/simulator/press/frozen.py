@@ -23,6 +23,7 @@ from sensing.simulator.press.condensed import CondensedStep, StoredTangent, stor
 from sensing.simulator.press.press import Press, Target, lifted
 from sensing.simulator.press.secant import SecantInverse
 from sensing.simulator.press.state import State
+from sensing.simulator.press.step import UNKNOWN_PIVOTS, Iterate, Solution
 from sensing.simulator.press.validity import has_passed
 from sensing.simulator.solid.shell import ShellModel
 
@@ -38,7 +39,8 @@ class FrozenPress:
     """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``.
 
     Args:
-        press: level 1. tolerance: residual over contact force.
+        press: level 1.
+        tolerance: residual over contact force.
         tangents: stored ones, added to on the way; None for an empty list.
     """
 
@@ -77,7 +79,7 @@ class FrozenPress:
             self._store(self.press.step_model(state, target), found, target)
         return found
 
-    def _store(self, model: ShellModel, place: State | newton.Iterate, target: Target) -> StoredTangent:
+    def _store(self, model: ShellModel, place: State | Iterate, target: Target) -> StoredTangent:
         if len(self.tangents) >= MAX_TANGENTS:
             del self.tangents[0]
         assert place.contact is not None
@@ -122,9 +124,7 @@ class FrozenPress:
             if np.linalg.norm(wrong) < self.tolerance * np.linalg.norm(load):
                 end = newton.evaluate(problem, field, depth)
                 if end.error < self.tolerance:
-                    return self.press.accept(
-                        state, target, newton.Solution(end, newton.UNKNOWN_PIVOTS, slope, count), level=2
-                    )
+                    return self.press.accept(state, target, Solution(end, UNKNOWN_PIVOTS, slope, count), level=2)
                 if renew:  # contact outside the patch: condense it anew where it is now, and go on from there
                     return self._fast(state, target, self._store(problem.model, end, target), renew=False)
                 return None

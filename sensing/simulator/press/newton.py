@@ -15,97 +15,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from sensing.simulator.contact.body import Body
-from sensing.simulator.contact.friction import ContactMemory, ContactResponse, respond
-from sensing.simulator.contact.indenter import translation
+from sensing.simulator.contact.friction import ContactResponse
 from sensing.simulator.press.state import Refusal
+from sensing.simulator.press.step import Iterate, Solution, StepProblem
 from sensing.simulator.solid.element import Array
-from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.solid.system import Factorisation, Solid, factorise, factorise_sparse, nodal_sum
 
 TOLERANCE = 1e-9  # residual over contact force
 FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
-UNKNOWN_PIVOTS = -1  # of a level that factorises no tangent of its own
 FLOOR_PER_BULK_MM2 = 1.5e-3  # the same over the largest bulk modulus: ten times the round-off of its forces
 MAX_ITERATIONS = 40
 TRUE_BELOW = 0.05  # relative residual under which the true friction bound takes over
 LAGGED_AFTER_FAILURE = 3
 MAX_SHIFTS = 12
 ARMIJO = 1e-4
-
-
-@dataclass(frozen=True)
-class StepProblem:
-    """One step: the model, the body's place, what friction remembers, and the force asked for.
-
-    Attributes:
-        model, body: shell and body. frame: columns outward, meridian, lateral (3, 3). friction: Coulomb coefficient.
-        memory: of the last accepted state. shift_mm: tangential travel of the body at the end of the step.
-        normal_n: normal force on the whole shell, or None where the depth is given.
-    """
-
-    model: ShellModel
-    body: Body
-    frame: Array
-    friction: float
-    memory: ContactMemory
-    shift_mm: tuple[float, float]
-    normal_n: float | None
-
-    @property
-    def mesh_force_n(self) -> float | None:
-        """Normal force that the mesh must carry."""
-        return None if self.normal_n is None else self.normal_n * self.model.force_share
-
-    def contact(
-        self, displacement: Array, depth_mm: float, bound: Array | None, fraction: Array | None
-    ) -> ContactResponse:
-        """Contact response at a displacement and a depth.
-
-        Args:
-            displacement, depth_mm: nodal (n, 3), mm, and body. bound, fraction: (f, g), as of :func:`respond`.
-        """
-        position = self.model.solid.mesh.points + displacement
-        moved = translation(self.frame, depth_mm, self.shift_mm)
-        return respond(self.model.surface, self.memory, self.body, position, moved, self.friction, bound, fraction)
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """A configuration of a step.
-
-    Attributes:
-        displacement, depth_mm: nodal (n, 3) and body. contact: response there. internal: internal nodal forces (n, 3).
-        potential: energy minus the work of the given force, mJ (meaningful for a frozen bound).
-        residual: out of balance over the unknowns. force_gap: normal force minus its target, 0 where depth is given.
-        error: both, relative to the contact force.
-    """
-
-    displacement: Array
-    depth_mm: float
-    contact: ContactResponse
-    internal: Array
-    potential: float
-    residual: Array
-    force_gap: float
-    error: float
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A converged iterate and what its last tangents showed (:class:`sensing.simulator.press.state.Certificate`).
-
-    Attributes:
-        iterate: the configuration with its forces. force_stiffness_n_mm: dN/dd.
-        negative_pivots: of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
-        iterations: spent. errors: after each Newton iteration, the first guess included; empty at levels 2 and 3.
-    """
-
-    iterate: Iterate
-    negative_pivots: int
-    force_stiffness_n_mm: float
-    iterations: int
-    errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +47,14 @@ def evaluate(
     bound: Array | None = None,
     fraction: Array | None = None,
 ) -> Iterate:
-    """Forces, potential and error of a configuration. Args: the step, the rest as of :meth:`StepProblem.contact`."""
+    """Forces, potential and error of a configuration.
+
+    Args:
+        problem: the step.
+        displacement: nodal (n, 3), mm.
+        depth_mm: of the body.
+        bound, fraction: see :func:`sensing.simulator.contact.friction.respond`.
+    """
     model = problem.model
     energy, internal = model.solid.energy_and_force(displacement)
     contact = problem.contact(displacement, depth_mm, bound, fraction)
@@ -143,7 +73,12 @@ def evaluate(
 
 
 def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solution:
-    """Equilibrium from a first guess. Args: the step, and the guess: nodal displacement (n, 3) and depth, mm.
+    """Equilibrium from a first guess.
+
+    Args:
+        problem: the step.
+        displacement: nodal (n, 3) of the first guess, mm.
+        depth_mm: of the first guess.
 
     Raises:
         Refusal: ``unconverged`` or ``unstable``, with the residual and where it stopped.
@@ -200,7 +135,9 @@ def tangent(problem: StepProblem, displacement: Array, contact: ContactResponse)
     """Element matrices (e, 81, 81) of solid and contact; the outer face's nodes are the last nine of an element.
 
     Args:
-        problem: the step. displacement: nodal (n, 3), mm. contact: response there.
+        problem: the step.
+        displacement: nodal (n, 3), mm.
+        contact: response there.
     """
     blocks = problem.model.solid.tangent(displacement)
     active = np.flatnonzero((contact.pressure > 0).any(axis=1))

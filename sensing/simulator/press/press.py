@@ -20,6 +20,7 @@ from sensing.simulator.contact.friction import ContactResponse, deepest_mm, free
 from sensing.simulator.contact.indenter import Indenter, translation
 from sensing.simulator.press import branch, newton, validity
 from sensing.simulator.press.state import Certificate, Refusal, State, contact_wrench, reaction_wrench
+from sensing.simulator.press.step import Solution, StepProblem
 from sensing.simulator.solid import closed_forms
 from sensing.simulator.solid import rate_effects as viscous
 from sensing.simulator.solid.element import Array
@@ -56,7 +57,9 @@ class Press:
     """A shell model pressed by a body, with friction; rate effects with a Prony series.
 
     Args:
-        model: the shell. indenter: the body. friction: Coulomb's mu, 0..5.
+        model: the shell.
+        indenter: the body.
+        friction: Coulomb's mu, 0..5.
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
 
     Raises:
@@ -114,9 +117,9 @@ class Press:
         certificate = replace(here.certificate, iterations=spent, substeps=substeps, switched=switched)
         return self.within_reach(replace(here, certificate=certificate))
 
-    def problem(self, state: State, target: Target) -> newton.StepProblem:
+    def problem(self, state: State, target: Target) -> StepProblem:
         """The step from a state to a target, ready for :func:`sensing.simulator.press.newton.solve`."""
-        return newton.StepProblem(
+        return StepProblem(
             self.step_model(state, target), self.body, self.frame, self.friction, state.memory, target.shift_mm,
             target.normal_n,
         )  # fmt: skip
@@ -151,14 +154,15 @@ class Press:
         guess = max(state.depth_mm, 0.0) + (target.normal_n - state.normal_n) / slope
         return max(guess, FIRST_TOUCH_MM)
 
-    def accept(
-        self, state: State, target: Target, solution: newton.Solution, level: int = 1, switched: bool = False
-    ) -> State:
+    def accept(self, state: State, target: Target, solution: Solution, level: int = 1, switched: bool = False) -> State:
         """State and certificate of a converged step.
 
         Args:
-            state: where the step began. target: where it ended. solution: of the step, converged.
-            level: that solved it. switched: the shell buckled within the step.
+            state: where the step began.
+            target: where it ended.
+            solution: of the step, converged.
+            level: that solved it.
+            switched: the shell buckled within the step.
         """
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
@@ -232,7 +236,7 @@ class Press:
             raise Refusal("range", f"depth_mm={state.depth_mm:.1f} over 0.6 R: self-contact is not modelled")
         return state
 
-    def _require_measured(self, problem: newton.StepProblem, displacement: Array, depth_mm: float) -> None:
+    def _require_measured(self, problem: StepProblem, displacement: Array, depth_mm: float) -> None:
         """Refuse a step that failed because its body lay between the points of contact where it began."""
         moved = translation(self.frame, depth_mm, problem.shift_mm)
         reach = deepest_mm(self.model.surface, self.body, self.model.solid.mesh.points + displacement, moved)

@@ -22,7 +22,8 @@ class SecantInverse:
 
     Attributes:
         tangent: what was stored.
-        compliance: C (live, live), mm/N. stiffness: its inverse.
+        compliance: C (live, live), mm/N.
+        stiffness: its inverse.
     """
 
     def __init__(self, tangent: StoredTangent) -> None:
@@ -43,11 +44,14 @@ class SecantInverse:
         return np.asarray(self.tangent.response @ load + weights @ self._updates)
 
     def learn(self, moved: Array, changed: Array, solved: Array, solved_after: Array, force_after: Array) -> Array:
-        """Take in a pass.
+        """Update the inverse H with one pass.
 
         Args:
-            moved: s (unknowns,). changed: y. solved: H of the force before.
-            solved_after: H of the force after it, ``force_after``.
+            moved: s (unknowns,), change of the displacement.
+            changed: y (unknowns,), change of the force.
+            solved: H applied to the force before the pass.
+            solved_after: H applied to ``force_after``.
+            force_after: (unknowns,) force after the pass.
 
         Returns:
             H of the force after, with the H just learned.

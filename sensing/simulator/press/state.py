@@ -70,12 +70,13 @@ class State:
         memory: of friction, for the next step.
         contact: response at the Gauss points; None before the first touch.
         wrench: contact wrench on the endcap (6,), N and N mm.
-        reaction: the same from the clamp's reactions.
+        reaction: the same wrench from the reactions of the clamp (6,), N and N mm.
         normal_n: normal force along the inward normal at first touch.
         certificate: see above; None for the start of a path.
         level: that answered (1 is the full model).
         error_estimate: expected relative rms error of the markers against level 1; None where the certificate gives it.
-        time_s: when, on the path's clock. history: of the material, for the next step; None without rate effects.
+        time_s: when, on the path's clock.
+        history: of the material, for the next step; None without rate effects.
     """
 
     displacement: Array
@@ -100,7 +101,9 @@ class Patch:
     Attributes:
         position: (k, 3), mm, deformed, endcap frame.
         area: reference area of each (k,), mm2.
-        pressure: (k,), MPa. traction: friction on the shell (k, 3), MPa. slipping: (k,).
+        pressure: (k,), MPa.
+        traction: friction on the shell (k, 3), MPa.
+        slipping: (k,).
     """
 
     position: Array
@@ -152,7 +155,9 @@ def contact_wrench(model: ShellModel, position: Array, contact: ContactResponse)
     """Wrench on the endcap (6,), N and N mm, from pressure and friction at the Gauss points.
 
     Args:
-        model: the shell. position: nodal positions, deformed (n, 3), mm. contact: response there.
+        model: the shell.
+        position: nodal positions, deformed (n, 3), mm.
+        contact: response there.
     """
     touching = np.flatnonzero((contact.pressure > 0).any(axis=1))
     traction = contact.pressure[touching, :, None] * contact.gradient[touching] + contact.traction[touching]

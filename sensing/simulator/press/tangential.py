@@ -37,7 +37,9 @@ def reach(
 
     Args:
         advance: step of a level to a target given by travel.
-        state, target: start and end of the step. frame: of the body. friction: Coulomb coefficient.
+        state, target: start and end of the step.
+        frame: of the body.
+        friction: Coulomb coefficient.
         half: only the meridian may move.
 
     Raises:

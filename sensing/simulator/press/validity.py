@@ -29,7 +29,9 @@ def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[
     """Refuse at once a press that could only be refused after minutes.
 
     Args:
-        geometry: of the shell. normal_n: force, N. shift_mm: tangential travel along (meridian, lateral).
+        geometry: of the shell.
+        normal_n: force, N.
+        shift_mm: tangential travel along (meridian, lateral).
 
     Raises:
         Refusal: ``range``.
@@ -50,7 +52,9 @@ def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> flo
     """Share of the way to a depth that the first step takes: a sphere or edge comes by :data:`STRIDE` radii at most.
 
     Args:
-        indenter: the body. state: where it begins. depth_mm: where it goes; None under a given force.
+        indenter: the body.
+        state: where it begins.
+        depth_mm: where it goes; None under a given force.
     """
     if depth_mm is None or indenter.kind not in ("sphere", "edge"):
         return 1.0
@@ -91,7 +95,9 @@ def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
     """The state itself.
 
     Args:
-        model: the shell. indenter: the body. state: converged.
+        model: the shell.
+        indenter: the body.
+        state: converged.
 
     Raises:
         Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low;
@@ -114,7 +120,9 @@ def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> N
     """Refuse a body that reaches too far between the points of contact.
 
     Args:
-        indenter: the body. depth_mm: its approach. missed_mm: how much deeper it reaches than at any Gauss point.
+        indenter: the body.
+        depth_mm: its approach.
+        missed_mm: how much deeper it reaches than at any Gauss point.
 
     Raises:
         Refusal: ``mesh``.

@@ -25,6 +25,7 @@ from sensing.simulator.press import newton
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target, lifted
 from sensing.simulator.press.state import Refusal, State
+from sensing.simulator.press.step import UNKNOWN_PIVOTS, Solution, StepProblem
 from sensing.simulator.press.validity import has_passed
 from sensing.simulator.reduced.basis import FRICTION, MODES, STATES, ReducedModel, reduced_model, training_states
 from sensing.simulator.solid.element import Array
@@ -58,7 +59,8 @@ class ReducedPress:
     """Level 3 on top of a level 2 press; counts what it did in ``fast_steps`` and ``fallbacks``.
 
     Args:
-        fast: level 2. reduced: model of the same shell and body.
+        fast: level 2.
+        reduced: model of the same shell and body.
         limit: error estimate over which level 2 answers.
     """
 
@@ -110,7 +112,7 @@ class ReducedPress:
         if not len(loaded) or not self._touchable[loaded].all():
             return None
         missed = self.fast.tangents[-1].factor.solve_roughly(end.residual)
-        solution = newton.Solution(end, newton.UNKNOWN_PIVOTS, step.slope, step.spent)
+        solution = Solution(end, UNKNOWN_PIVOTS, step.slope, step.spent)
         return self.press.accept(state, target, solution, level=3), float(
             np.linalg.norm(missed) / np.linalg.norm(unknowns)
         )
@@ -119,7 +121,7 @@ class ReducedPress:
 class _Step:
     """One reduced step: Newton with a kept elastic tangent."""
 
-    def __init__(self, reduced: ReducedModel, problem: newton.StepProblem) -> None:
+    def __init__(self, reduced: ReducedModel, problem: StepProblem) -> None:
         self.reduced = reduced
         self.problem = problem
         self.spent = 0
@@ -239,7 +241,10 @@ def trained(model: ShellModel, indenter: Indenter, states: int = STATES, modes: 
     """Reduced model of a shell under a body: trained on level 2 along winding paths, judged along another.
 
     Args:
-        model: the shell. indenter: the body. states: how many to train on. modes: how many.
+        model: the shell.
+        indenter: the body.
+        states: how many to train on.
+        modes: how many.
 
     Raises:
         Refusal: too few states could be solved, or level 3 misses half of those it is judged on.

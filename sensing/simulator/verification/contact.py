@@ -13,6 +13,7 @@ from sensing.simulator.contact.friction import PENALTY_RATIO, contact_surface, f
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press import newton
 from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.step import StepProblem
 from sensing.simulator.solid import closed_forms
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
@@ -48,7 +49,8 @@ def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int
     """Press a ball of 10 mm into a block, then pull it sideways; nu = 0.4999 decouples normal and tangential.
 
     Args:
-        friction: Coulomb's mu. travel_mm: of the ball sideways.
+        friction: Coulomb's mu.
+        travel_mm: of the ball sideways.
         elements: of the half block along y and along z; twice as many along x.
     """
     law = hyperelastic_law(0.34, 0.4999)
@@ -60,7 +62,7 @@ def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int
     memory = free_memory(model.surface, points, body)
     displacement = np.zeros_like(points)
     for depth, shift in [(DEPTH_MM, 0.0)] + [(DEPTH_MM, travel_mm * k / 4) for k in range(1, 5)]:
-        problem = newton.StepProblem(model, body, frame, friction, memory, (shift, 0.0), None)
+        problem = StepProblem(model, body, frame, friction, memory, (shift, 0.0), None)
         solution = newton.solve(problem, displacement, depth).iterate
         displacement, memory = solution.displacement, solution.contact.memory()
     contact, area = solution.contact, model.surface.area
@@ -87,7 +89,8 @@ def reissner_ratio(wall_mm: float, density: MeshDensity) -> float:
     """Stiffness of a dome under a small ball (by the inner tip, so that the local dent stays out) over Reissner's.
 
     Args:
-        wall_mm: of a dome of D = 130 mm. density: of its mesh; :data:`DOMES` has those that are fine enough.
+        wall_mm: of a dome of D = 130 mm.
+        density: of its mesh; :data:`DOMES` has those that are fine enough.
     """
     geometry, law = shell_geometry(130, wall_mm), silicone().neo_hooke()
     model = shell_model(geometry, law, density, half=True)

@@ -105,7 +105,9 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
     """(H, W, 3) uint8 BGR of a picture file, whatever its type.
 
     Args:
-        path: of the file, for messages. data: what is in it. types: that it may have, for messages.
+        path: of the file, for messages.
+        data: what is in it.
+        types: that it may have, for messages.
 
     Raises:
         FileError: no picture, or one of more pixels than :data:`MOST_PIXELS`.

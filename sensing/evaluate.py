@@ -99,13 +99,17 @@ def evaluate(
     """(scores by "model, what" on test folders, ours also by tilt and load); comparisons only with training data.
 
     Args:
-        tests: folders. weights: file, or None for those that ship. train: folders the comparisons are fitted to.
-        paper_epochs: of the paper's recipe. true_camera: also with the camera that lies beside simulated frames.
+        tests: folders.
+        weights: file, or None for those that ship.
+        train: folders the comparisons are fitted to.
+        paper_epochs: of the paper's recipe.
+        true_camera: also with the camera that lies beside simulated frames.
         model: one of your own instead of the weights (:func:`sensing.live.core.model.live_model`); which paths it has
             learned from is not known, so that only ``train`` guards against testing on them.
 
     Raises:
-        ParameterError: test and training share a path, a pose or a picture. FileError: what cannot be read.
+        ParameterError: test and training share a path, a pose or a picture.
+        FileError: what cannot be read.
     """
     network = None if model else _weights_for(LabelledSet(tests[0]), weights)
     live = model if network is None else live_model("evaluated", network, network.shape)
@@ -152,8 +156,10 @@ def cross_validate(
     """Scores by "model, leave out what": everything fitted to a part of the data and tested on the rest.
 
     Args:
-        train: folders of labelled frames. holdouts: names of :func:`sensing.learning.contenders.held_out`.
-        paper_epochs: of the paper's recipe, 0 without it. seed: of the split and the fits.
+        train: folders of labelled frames.
+        holdouts: names of :func:`sensing.learning.contenders.held_out`.
+        paper_epochs: of the paper's recipe, 0 without it.
+        seed: of the split and the fits.
     """
     from sensing.learning.fit_config import FitConfig
     from sensing.learning.fitting import fit

@@ -38,7 +38,9 @@ def export_dataset(data: LabelledSet, folder: Path, paths: Collection[int] | Non
     """Write the fields of all frames, or of some paths; the folder appears when all of it is there, or not at all.
 
     Args:
-        data: labelled frames. folder: a new or empty one. paths: numbers of the paths to write; None for all.
+        data: labelled frames.
+        folder: a new or empty one.
+        paths: numbers of the paths to write; None for all.
 
     Returns:
         Number of rows.

@@ -72,7 +72,9 @@ def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
     """The same wrench expressed in another frame; its covariance goes along.
 
     Args:
-        wrench: in the source frame. T_target_source: (4, 4), mm. frame: name of the target frame.
+        wrench: in the source frame.
+        T_target_source: (4, 4), mm.
+        frame: name of the target frame.
 
     Raises:
         ParameterError: a matrix that is no rigid transform.

@@ -25,6 +25,7 @@ def typed_command(module: str, *words: str) -> str:
     """A program of this toolkit, whole and quoted; with another camera module than the released one, its setting, too.
 
     Args:
-        module: as in ``sensing.live``. words: its options.
+        module: as in ``sensing.live``.
+        words: its options.
     """
     return camera_setting() + shlex.join((typed_python(), "-m", module, *words))

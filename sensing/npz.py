@@ -24,10 +24,14 @@ def read_npz(
     """Arrays by name; nothing is unpickled.
 
     Args:
-        path: of the file. names: arrays wanted; None for all. most_bytes: largest size when unpacked.
+        path: of the file.
+        names: arrays wanted; None for all.
+        most_bytes: largest size when unpacked.
 
     Raises:
-        OSError: missing. KeyError: no array of that name. ValueError: no such file, damaged, or too large.
+        OSError: missing.
+        KeyError: no array of that name.
+        ValueError: no such file, damaged, or too large.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -110,14 +110,20 @@ def record(
     """Pair and write until the frames end; whatever happens, what was paired is written.
 
     Args:
-        frames: of the endcap. stream: of the force/torque sensor. recording: the folder.
-        slop_s: largest time between a frame and a sample of its pair. rest_frames: first frames, untouched, that make
-            the reference.
+        frames: of the endcap.
+        stream: of the force/torque sensor.
+        recording: the folder.
+        slop_s: largest time between a frame and a sample of its pair.
+        rest_frames: first frames, untouched, that make the reference.
         most: frames to take; None for all.
 
     Raises:
-        ParameterError: too few untouched frames, or a slop out of range. ZeroError: the endcap moved during the first
-        frames. ClockError: a clock jumped. StreamError: the stream broke. FileError: no space left.
+        ParameterError: too few untouched frames, or a slop out of range.
+        ZeroError: the endcap moved during the first
+        frames.
+        ClockError: a clock jumped.
+        StreamError: the stream broke.
+        FileError: no space left.
     """
     _check_counts(rest_frames, most)
     synchroniser = Synchroniser(slop_s)

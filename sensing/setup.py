@@ -75,8 +75,11 @@ def set_up(
     """Zero, name and measure all endcaps, write references and configuration.
 
     Args:
-        config: sources to use; names are given anew. out: the TOML file; references go beside it.
-        ask: shows a line and waits for Enter. say: shows a line. models: for tests.
+        config: sources to use; names are given anew.
+        out: the TOML file; references go beside it.
+        ask: shows a line and waits for Enter.
+        say: shows a line.
+        models: gives the model of an endcap; None loads those of the configuration.
 
     Raises:
         EndcapError: a camera that does not deliver, a touch that nobody saw, an endcap that would not rest.
@@ -156,11 +159,7 @@ def _name_by_touch(
 
 
 def _require_release(endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str, list[np.ndarray]], ask: Ask) -> None:
-    """A reference that was taken under load shows that load when everything is let go.
-
-    Raises:
-        ParameterError: an endcap that does not come back to rest.
-    """
+    """Refuse references taken under load: they show that load when everything is let go."""
     ask("leave all endcaps untouched again, then press Enter ")
     time.sleep(SETTLE_S)
     before = {endcap.name: len(watch.forces_n[endcap.name]) for endcap in endcaps}

@@ -56,7 +56,8 @@ def onnx_graph(model: WrenchModel, storage: str = "float32") -> ModelProto:
     """The graph of a model.
 
     Raises:
-        ParameterError: an unknown storage, or numbers too large for it. FileError: the onnx package is missing.
+        ParameterError: an unknown storage, or numbers too large for it.
+        FileError: the onnx package is missing.
     """
     if storage not in STORAGE:
         raise ParameterError(f"storage={storage!r}: choose from {', '.join(STORAGE)}", name="storage", value=storage)

@@ -15,8 +15,10 @@ def calibrate_command(params: EndcapParams, out: Path | str, zero: Path | None =
     """``python -m sensing.calibrate ...``; the design is named where it is not the released one.
 
     Args:
-        params: the design. out: camera file. zero: reference that holds the picture; None for a photo that the user
-            still has to name. trusted: the design is kept where another one fits better.
+        params: the design.
+        out: camera file.
+        zero: reference that holds the picture; None for a photo that the user still has to name.
+        trusted: the design is kept where another one fits better.
     """
     picture = ("--photo", "PICTURE") if zero is None else ("--zero", str(zero))
     words = design_words(params)

@@ -122,7 +122,8 @@ def sees_whole(camera: MountedCamera, points: Array) -> NDArray[np.bool_]:
     """(n,) dots far enough from the picture's edge to be seen whole.
 
     Args:
-        camera: the camera. points: (n, 3) of the pattern, endcap frame, mm.
+        camera: the camera.
+        points: (n, 3) of the pattern, endcap frame, mm.
     """
     return camera.sees(points, WHOLE_PX * camera.camera.height_px / REFERENCE_HEIGHT_PX)
 
@@ -138,7 +139,8 @@ def fewest_dots(camera: MountedCamera, points: Array) -> int:
     """How many dots a photo must show to calibrate by: 20, or three quarters of those that a camera sees if fewer.
 
     Args:
-        camera: the nominal one. points: (n, 3) dots of the pattern, endcap frame, mm.
+        camera: the nominal one.
+        points: (n, 3) dots of the pattern, endcap frame, mm.
     """
     return min(FEWEST, max(FEWEST_TO_FIT, math.ceil(FEWEST_SHARE * int(camera.sees(points).sum()))))
 
@@ -147,7 +149,9 @@ def more_dots_words(camera: MountedCamera, params: EndcapParams, otherwise: str)
     """What to do where a photo shows too few dots.
 
     Args:
-        camera: the nominal one. params: the design. otherwise: where the design has enough of them for this lens.
+        camera: the nominal one.
+        params: the design.
+        otherwise: where the design has enough of them for this lens.
     """
     seen = int(camera.sees(pattern_points(params)[0]).sum())
     if seen >= FEWEST_TO_FIT:
@@ -159,7 +163,8 @@ def neighbour_ratio(camera: MountedCamera, points: Array) -> Array:
     """(n,) distance of each dot to its nearest neighbour in the picture over the median; 1 where it is not alone.
 
     Args:
-        camera: the camera. points: (n, 3) dots of the pattern, endcap frame, mm.
+        camera: the camera.
+        points: (n, 3) dots of the pattern, endcap frame, mm.
     """
     pixels, seen = camera.project(points), camera.sees(points)
     ratio = np.ones(len(points))
@@ -175,7 +180,9 @@ def possible_pairs(mounted: MountedCamera, points: Array, blobs_px: Array) -> in
     """How many pairs there can be: blobs, or dots that the camera sees.
 
     Args:
-        mounted: the camera. points: (n, 3) dots of the pattern, endcap frame, mm. blobs_px: (m, 2) blob centres.
+        mounted: the camera.
+        points: (n, 3) dots of the pattern, endcap frame, mm.
+        blobs_px: (m, 2) blob centres.
     """
     return min(len(blobs_px), int(mounted.sees(points).sum()))
 
@@ -186,8 +193,11 @@ def mutual_nearest(
     """Pairs that are each other's nearest, within a tolerance.
 
     Args:
-        blobs_px: (m, 2) found dots. mounted: the camera. points: (n, 3) of the pattern, endcap frame, mm.
-        use: (n,) the pattern's dots to consider. tolerance_px: largest distance of a pair, of all or (n,) of each.
+        blobs_px: (m, 2) found dots.
+        mounted: the camera.
+        points: (n, 3) of the pattern, endcap frame, mm.
+        use: (n,) the pattern's dots to consider.
+        tolerance_px: largest distance of a pair, of all or (n,) of each.
     """
     predicted = mounted.project(points)
     candidates = np.flatnonzero(use & np.isfinite(predicted[:, 0]))

@@ -32,7 +32,9 @@ class Fit:
     """A fitted camera.
 
     Attributes:
-        mounted: the camera. vector: its numbers (11,). covariance: (11, 11) of them (Laplace's approximation).
+        mounted: the camera.
+        vector: its numbers (11,).
+        covariance: (11, 11) of them (Laplace's approximation).
         prior_deviation: (11,), ``inf`` where free, 0 where held.
         scatter: of the dots against the assumed one, a factor.
         log_evidence: log probability of the dots under the prior, up to a constant of the dots alone.
@@ -51,7 +53,8 @@ class Problem:
     """Prior and picture; make it with :meth:`of`.
 
     Attributes:
-        start: gives picture size, aspect and higher distortion. mean, sigma: (11,) of the prior.
+        start: gives picture size, aspect and higher distortion.
+        mean, sigma: (11,) of the prior.
     """
 
     start: MountedCamera
@@ -63,7 +66,9 @@ class Problem:
         """The problem of a prior about a start camera.
 
         Args:
-            start: the start camera. prior: standard deviations about it. hold_lens: whether its lens is held.
+            start: the start camera.
+            prior: standard deviations about it.
+            hold_lens: whether its lens is held.
         """
         return cls(start, prior.mean(start, hold_lens), prior.deviations(start, hold_lens))
 
@@ -71,8 +76,9 @@ class Problem:
         """Refined camera (the callback of the assignment): near enough to know each dot from its neighbours.
 
         Args:
-            mounted: where the fit starts. points: (n, 3) dots of the pattern, endcap frame, mm. pixels: (n, 2) of the
-                same dots.
+            mounted: where the fit starts.
+            points: (n, 3) dots of the pattern, endcap frame, mm.
+            pixels: (n, 2) of the same dots.
         """
         if not (self.sigma > 0).any():
             return self.start
@@ -84,7 +90,9 @@ class Problem:
         """Maximum of the posterior.
 
         Args:
-            near: where to start. points: (n, 3) endcap frame. pixels: (n, 2) where they are seen.
+            near: where to start.
+            points: (n, 3) endcap frame.
+            pixels: (n, 2) where they are seen.
             scatter: of the dots against the assumed one; None to estimate it.
         """
         start = self._start(near)
@@ -160,7 +168,8 @@ class Problem:
         """Projection without the checks of FisheyeCamera: the solver may pass through lenses that fold.
 
         Args:
-            vector: (..., 11) cameras. points: (n, 3) endcap frame, mm.
+            vector: (..., 11) cameras.
+            points: (n, 3) endcap frame, mm.
 
         Returns:
             (..., n, 2) px.
@@ -187,7 +196,9 @@ def minimise(
     """Least squares that count outliers linearly (Levenberg and Marquardt's steps, reweighted).
 
     Args:
-        residual: (..., n) numbers to (..., m) residuals in deviations. start: (n,). scale: (n,) typical sizes.
+        residual: (..., n) numbers to (..., m) residuals in deviations.
+        start: (n,).
+        scale: (n,) typical sizes.
         squared: (m,) residuals that count squared however large.
         least_gain: ends the steps: a step lowers the cost by less than this share.
 
@@ -226,8 +237,9 @@ def numeric_jacobian(function: Callable[[Array], Array], at: Array, scale: Array
     """(m, n) derivatives by central differences.
 
     Args:
-        function: (..., n) to (..., m): all steps go through it at once. at: (n,) where. scale: (n,) typical sizes of
-            the numbers; a step is 1e-4 of them.
+        function: (..., n) to (..., m): all steps go through it at once.
+        at: (n,) where.
+        scale: (n,) typical sizes of the numbers; a step is 1e-4 of them.
     """
     step = 1e-4 * scale
     more, less = np.split(function(at + np.concatenate([np.diag(step), -np.diag(step)])), 2)

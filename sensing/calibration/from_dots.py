@@ -47,7 +47,8 @@ class Calibration:
         mounted: camera, pose and their covariance.
         residual_px: (n, 2) predicted minus found, for the matched dots.
         pattern_index: (n,) which dot of ``cad.dots.dot_pattern`` each residual belongs to.
-        blob_index: (n,) which blob of ``found_px`` it is. found_px: (m, 2) all blobs.
+        blob_index: (n,) which blob of ``found_px`` it is.
+        found_px: (m, 2) all blobs.
         values: parameter name -> (value, posterior deviation, prior deviation; ``inf`` where free, 0 where held).
         scatter: of the dots, over that of hand-painted ones.
         probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
@@ -187,8 +188,10 @@ def most_probable(widest: Fit, start: MountedCamera, points: Array, pixels: Arra
     the covariance of one that is merely mounted otherwise, because the photo cannot rule out less than that.
 
     Args:
-        widest: fit of the last hypothesis, which sets the scatter. start: the nominal camera.
-        points: (n, 3) endcap frame. pixels: (n, 2) where they are seen.
+        widest: fit of the last hypothesis, which sets the scatter.
+        start: the nominal camera.
+        points: (n, 3) endcap frame.
+        pixels: (n, 2) where they are seen.
     """
     fits = [
         replace(Problem.of(start, h.prior), sigma=np.zeros(len(NAMES))) if h.exact else Problem.of(start, h.prior)

@@ -32,7 +32,10 @@ def assign_in_place(
     """As :func:`assign_dots`, without a search; None unless the start camera sees nearly all dots on their places.
 
     Args:
-        blobs_px: (n, 2) blob centres. params: the design. start: the camera. fit: refines it.
+        blobs_px: (n, 2) blob centres.
+        params: the design.
+        start: the camera.
+        fit: refines it.
     """
     pairs = pairs_in_place(blobs_px, params, start, NEAR)
     if pairs is None:
@@ -47,7 +50,9 @@ def pairs_in_place(blobs_px: Array, params: EndcapParams, camera: MountedCamera,
     """Dots near where a camera sees them; None unless these are nearly all, and no turn of the pattern fits better.
 
     Args:
-        blobs_px: (n, 2) blob centres. params: the design. camera: the one assumed.
+        blobs_px: (n, 2) blob centres.
+        params: the design.
+        camera: the one assumed.
         near: how far a dot may lie from its place, over the dots' spacing.
     """
     points, rings = pattern_points(params)

@@ -44,7 +44,8 @@ class Misfit:
     """Outcome of the test.
 
     Attributes:
-        statistic: T, about 1 for a camera that fits. p_value: probability of at least that much.
+        statistic: T, about 1 for a camera that fits.
+        p_value: probability of at least that much.
         fits: whether the camera fits.
         reason: what is off by how much, one line; empty where the camera fits.
         found: the camera that fits instead; None where the camera fits, or none was found.
@@ -63,8 +64,10 @@ def camera_misfit(
     """Test the assumed camera against the dots of an undeformed picture.
 
     Args:
-        dots_px: (n, 2) found dots, extra and missing ones allowed. size_px: width and height of the picture.
-        params: the endcap. camera: the one assumed, its covariance adding to the tolerance; None for the nominal one.
+        dots_px: (n, 2) found dots, extra and missing ones allowed.
+        size_px: width and height of the picture.
+        params: the endcap.
+        camera: the one assumed, its covariance adding to the tolerance; None for the nominal one.
     """
     assumed = nominal_mount(params, *size_px) if camera is None else camera
     statistic, p_value = np.inf, 0.0
@@ -88,7 +91,9 @@ def differences(assumed: MountedCamera, found: Calibration, params: EndcapParams
     """In words, what a found camera has otherwise than the assumed one: the significant quantities, largest first.
 
     Args:
-        assumed: the camera. found: the one that fits instead. params: the endcap, whose dots may look alike turned.
+        assumed: the camera.
+        found: the one that fits instead.
+        params: the endcap, whose dots may look alike turned.
     """
     before, now = camera_vector(assumed), camera_vector(found.mounted)
     sigma = np.array([found.values[name][1] for name in NAMES])
@@ -141,7 +146,8 @@ def f_beyond(statistic: float, upper: int, lower: int) -> float:
     """Probability that a variable of the F distribution is larger.
 
     Args:
-        statistic: the value to exceed. upper, lower: degrees of freedom of numerator and denominator.
+        statistic: the value to exceed.
+        upper, lower: degrees of freedom of numerator and denominator.
 
     Notes:
         Regularised incomplete beta function (Abramowitz, Stegun 1964, eq. 26.6.2) by the trapezoidal rule; relative

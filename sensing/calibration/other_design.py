@@ -50,7 +50,8 @@ class DesignFit:
     """How well a photo fits a design.
 
     Attributes:
-        params: the design. calibration: the camera under it.
+        params: the design.
+        calibration: the camera under it.
         ink_scale: dots' radius over the dents', 1.12 on the released photos.
         log_evidence: log probability of dots, their number and size, up to a constant of the photo.
     """
@@ -86,7 +87,9 @@ def design_fit(calibration: Calibration, radius_px: Array, params: EndcapParams)
     """Score of a calibration under its design.
 
     Args:
-        calibration: of the photo. radius_px: (m,) of all found dots. params: the design.
+        calibration: of the photo.
+        radius_px: (m,) of all found dots.
+        params: the design.
     """
     radius = radius_px[calibration.blob_index]
     points = pattern_points(params)[0][calibration.pattern_index]
@@ -104,7 +107,9 @@ def rivals(
     """Other diameters that fit as well or better than the given design, best first.
 
     Args:
-        given: how well the photo fits the given design. radius_px: (m,) of all found dots. size_px: (width, height).
+        given: how well the photo fits the given design.
+        radius_px: (m,) of all found dots.
+        size_px: (width, height).
         azimuth_hint_deg: expected turn of the camera about its axis.
     """
     found = []

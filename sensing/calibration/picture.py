@@ -24,7 +24,9 @@ def draw_fit(image_bgr: NDArray[np.uint8], calibration: Calibration, params: End
     """The photo with the fit: green cross matched (line: 10 x residual), gray cross unseen, red ring unclaimed blob.
 
     Args:
-        image_bgr: (H, W, 3) the photo; left as it is. calibration: the fit. params: the design.
+        image_bgr: (H, W, 3) the photo; left as it is.
+        calibration: the fit.
+        params: the design.
     """
     picture = image_bgr.copy()
     predicted = calibration.mounted.project(pattern_points(params)[0])

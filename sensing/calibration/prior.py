@@ -64,7 +64,9 @@ class Hypothesis:
     """One way in which a camera may differ from the nominal one.
 
     Attributes:
-        name: completes "the camera is ...". prior: what may differ, and by how much. odds: before the photo (E).
+        name: completes "the camera is ...".
+        prior: what may differ, and by how much.
+        odds: before the photo (E).
         exact: nothing differs at all.
     """
 

@@ -51,7 +51,8 @@ class RestCamera:
         """The camera that sees the picture, the nominal one where that fits; None where none does.
 
         Args:
-            params: the endcap. size_px: width and height of the picture.
+            params: the endcap.
+            size_px: width and height of the picture.
         """
         if not (self.misfit.fits or self.found):
             return None
@@ -73,7 +74,9 @@ def rest_camera(
     """The camera to be used for an endcap whose untouched picture is this one.
 
     Args:
-        reference: the picture. dots_px: (n, 2) of the tracker in it. params: the endcap.
+        reference: the picture.
+        dots_px: (n, 2) of the tracker in it.
+        params: the endcap.
         given: the calibrated camera; None where there is none.
 
     Raises:

@@ -31,7 +31,9 @@ def picture_doubts(
     """What makes wrenches against this reference doubtful, a flag and a line each; empty where nothing does.
 
     Args:
-        image_bgr: (h, w, 3) the picture. dots_px: (n, 2) dots found in it. params: the design.
+        image_bgr: (h, w, 3) the picture.
+        dots_px: (n, 2) dots found in it.
+        params: the design.
         camera: that sees it; None where that is not known: then every dot found counts.
     """
     size = image_bgr.shape[1], image_bgr.shape[0]
@@ -70,8 +72,9 @@ def seen_dots(dots_px: Array, params: EndcapParams, camera: MountedCamera | None
     """How many dots of the pattern were found, and how many the nominal camera shows whole.
 
     Args:
-        dots_px: (n, 2) found. params: the design. camera: None where it
-            is not known: then every dot counts.
+        dots_px: (n, 2) found.
+        params: the design.
+        camera: None where it is not known: then every dot counts.
     """
     points = pattern_points(params)[0]
     wanted = int(np.count_nonzero(sees_whole(nominal_mount(params), points)))
@@ -84,7 +87,9 @@ def pattern_dots(dots_px: Array, params: EndcapParams, camera: MountedCamera) ->
     """Ascending numbers of the found dots that lie on places of the design's; specks and blots do not.
 
     Args:
-        dots_px: (n, 2) found, two at least. params: the design. camera: that sees them.
+        dots_px: (n, 2) found, two at least.
+        params: the design.
+        camera: that sees them.
     """
     points = pattern_points(params)[0]
     reach = NEAR * spacing_px(dots_px) * neighbour_ratio(camera, points)

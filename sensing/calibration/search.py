@@ -28,8 +28,11 @@ def candidates(
     In the second search some blob is taken for the tip or, where the tip is not painted, for a dot of the first ring.
 
     Args:
-        blobs_px: (m, 2) found dots. points: (n, 3) of the pattern, ring by ring, mm. rings: (n,) their ring numbers.
-        start: a camera with plausible distortion. azimuth_hint_deg: expected turn of the image.
+        blobs_px: (m, 2) found dots.
+        points: (n, 3) of the pattern, ring by ring, mm.
+        rings: (n,) their ring numbers.
+        start: a camera with plausible distortion.
+        azimuth_hint_deg: expected turn of the image.
     """
     scores = Scores(blobs_px, (start.camera.width_px, start.camera.height_px))
     inner, first = rings < SEARCH_RINGS, int((rings == 1).sum())
@@ -72,7 +75,8 @@ class Scores:
     Looked up in a picture of the distance to the nearest blob, because a search asks for a million points.
 
     Args:
-        blobs_px: (m, 2) found dots. size_px: (width, height) of the picture.
+        blobs_px: (m, 2) found dots.
+        size_px: (width, height) of the picture.
         tolerance_px: at which a point counts 0; None for a fifth of the spacing.
     """
 
@@ -93,7 +97,8 @@ class Scores:
         """Sum over the points of each candidate: (..., n, 2) to (...).
 
         Args:
-            where: the points, px. ratio: (n,) by which the tolerance of each is larger; None for 1.
+            where: the points, px.
+            ratio: (n,) by which the tolerance of each is larger; None for 1.
         """
         height, width = self._map.shape
         column, row = (np.rint(where[..., axis]) for axis in (0, 1))
@@ -112,7 +117,12 @@ def _search_from(
     """(score, camera) of the best candidate in which a pattern dot, the anchor, lies on a blob near the middle.
 
     Args:
-        anchor: number of the dot: the tip, or one of the ``first`` of ring 1.
+        scores: of the blobs in the picture.
+        points: (N, 3) dots of the pattern, mm, endcap frame, in the order of the pattern.
+        anchor: number of the pattern dot: the tip, or one of ring 1.
+        first: number of dots in ring 1.
+        start: camera that the candidates are variations of.
+        azimuth_hint_deg: middle of the azimuths tried, which reach 90 degrees to both sides.
     """
     blobs, spacing = scores.blobs_px, scores.spacing_px
     pattern = start.project(points)

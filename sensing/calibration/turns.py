@@ -52,8 +52,10 @@ def best_turn(
     """Compare the turns of a camera that has most dots on blobs.
 
     Args:
-        mounted: the camera. blobs_px: (m, 2) found dots.
-        points: (n, 3) of the pattern, endcap frame, mm. rings: (n,) their ring numbers.
+        mounted: the camera.
+        blobs_px: (m, 2) found dots.
+        points: (n, 3) of the pattern, endcap frame, mm.
+        rings: (n,) their ring numbers.
         azimuth_hint_deg: expected turn of the camera about its axis.
     """
     angles = turns_of(rings[mounted.sees(points) & (rings > 0)], rings)
@@ -77,7 +79,8 @@ def turns_of(seen: NDArray[np.intp], rings: NDArray[np.intp]) -> Array:
     """Ascending angles from 0 below 2 pi after which some seen ring maps onto itself.
 
     Args:
-        seen: ring numbers of the dots that are seen. rings: (n,) those of the whole pattern.
+        seen: ring numbers of the dots that are seen.
+        rings: (n,) those of the whole pattern.
     """
     counts = np.unique(np.bincount(rings)[np.unique(seen)])
     shares = [np.arange(count) / count for count in counts]

@@ -60,7 +60,9 @@ def disc_radius_px(mounted: MountedCamera, points_mm: Array, params: EndcapParam
     """(n,) radius of the circle with the area that the discs of the dots cover in the picture.
 
     Args:
-        mounted: the camera. points_mm: (n, 3) centres of dots, endcap frame. params: the design.
+        mounted: the camera.
+        points_mm: (n, 3) centres of dots, endcap frame.
+        params: the design.
     """
     slope = mounted.camera.jacobians(mounted.to_camera(points_mm))[0] @ mounted.T_camera_endcap[:3, :3]  # (n, 2, 3)
     outward = points_mm - [0, 0, params.centre_height_mm]

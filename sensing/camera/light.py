@@ -17,7 +17,8 @@ class Light:
     """Brightness of the lit circle.
 
     Attributes:
-        median_gray: 0 to 255. white_share: of the circle that is white.
+        median_gray: 0 to 255.
+        white_share: of the circle that is white.
     """
 
     median_gray: float

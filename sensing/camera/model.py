@@ -218,7 +218,9 @@ def require(condition: bool, name: str, value: object, accepted: str) -> None:
     """Refuse a parameter with what would be accepted.
 
     Args:
-        condition: whether it is valid. name, value: the parameter. accepted: what would be, in words ("must be ...").
+        condition: whether it is valid.
+        name, value: the parameter.
+        accepted: what would be, in words ("must be ...").
     """
     if not condition:
         raise ParameterError(f"{name}={value} is not valid: must be {accepted}", name=name, value=value)

@@ -77,7 +77,9 @@ class MountedCamera:
         """(..., 3) where rays leave a sphere, mm in the endcap frame; NaN where they miss it.
 
         Args:
-            pixels: (..., 2). centre_mm: (3,) of the sphere, endcap frame. radius_mm: of it.
+            pixels: (..., 2) of the full-size picture, px.
+            centre_mm: (3,) of the sphere, endcap frame.
+            radius_mm: radius of the sphere.
         """
         rays, start = self.rays_endcap(pixels), self.pupil_endcap_mm - np.asarray(centre_mm, float)
         along = rays @ start
@@ -88,7 +90,8 @@ class MountedCamera:
         """Refuse pictures of another size than those that it was calibrated with.
 
         Args:
-            size_px: width and height of the pictures. name: of the camera, for the message, such as its file.
+            size_px: width and height of the pictures.
+            name: of the camera, for the message, such as its file.
 
         Raises:
             ParameterError: they differ.
@@ -186,7 +189,8 @@ def mount(camera: FisheyeCamera, pupil_endcap_mm: ArrayLike, rotation: ArrayLike
     """A camera at a pupil position in the endcap frame.
 
     Args:
-        camera: its lens and picture size. pupil_endcap_mm: (3,) position of the entrance pupil.
+        camera: its lens and picture size.
+        pupil_endcap_mm: (3,) position of the entrance pupil.
         rotation: (3, 3) from endcap to camera axes; without one the camera looks along +z at the tip, image x along the
             endcap's x.
     """

@@ -37,7 +37,8 @@ def nominal_mount(params: EndcapParams, width_px: int = 640, height_px: int = 48
     """That lens on the endcap's axis at the design's pupil height, image x along the endcap's x.
 
     Args:
-        params: the design. width_px, height_px: of the picture.
+        params: the design.
+        width_px, height_px: of the picture.
 
     Raises:
         ParameterError: a picture that stands upright.

@@ -43,7 +43,8 @@ class Bound:
         tilt_deg, normal_n: where.
         wrench: (6,) there, N and N m about the sphere's centre.
         covariance: (6, 6) smallest of any unbiased estimator.
-        moved_px: root mean square of the dots' displacement. dots: how many are seen.
+        moved_px: root mean square of the dots' displacement.
+        dots: how many are seen.
     """
 
     tilt_deg: float
@@ -78,7 +79,9 @@ class DesignBound:
     """Bounds of one design and silicone.
 
     Args:
-        params: the design. geometry: its shell. shear_mpa: shear modulus of its silicone.
+        params: the design.
+        geometry: its shell.
+        shear_mpa: shear modulus of its silicone.
 
     Raises:
         ParameterError: a design outside the library.
@@ -106,7 +109,8 @@ class DesignBound:
         """The bound for a load without tangential force.
 
         Args:
-            tilt_deg: polar angle of first touch, 5 to 52. normal_n: force.
+            tilt_deg: polar angle of first touch, 5 to 52.
+            normal_n: force.
         """
         reference_n = normal_n / self.scale.force
         tilt, normal, *_ = self._places.T
@@ -147,9 +151,10 @@ def smallest_covariance(by_pixel: Array, noise: Array, by_answer: Array, known: 
     """(k, k) smallest covariance of any unbiased estimate of k answers: W' (J N^-1 J' + K)^-1 W.
 
     Args:
-        by_pixel: J (p, m), what a step of each of p parameters moves. noise: N (m,) variances, or (m, m) covariance.
-        by_answer: W (p, k), what it changes of the answers. known: K (p, p), information beforehand (the inverse
-            covariance of a prior); None without.
+        by_pixel: J (p, m), what a step of each of p parameters moves.
+        noise: N (m,) variances, or (m, m) covariance.
+        by_answer: W (p, k), what it changes of the answers.
+        known: K (p, p), information beforehand (the inverse covariance of a prior); None without.
     """
     weighted = by_pixel / noise if noise.ndim == 1 else np.linalg.solve(noise, by_pixel.T).T
     information = weighted @ by_pixel.T + (0.0 if known is None else known)

@@ -30,8 +30,12 @@ class Figure:
     """One line of a study.
 
     Attributes:
-        key: for tables. name: in words. value: None where it is unknown. unit: of the value.
-        source: where it comes from. note: how, in a few words.
+        key: for tables.
+        name: in words.
+        value: None where it is unknown.
+        unit: of the value.
+        source: where it comes from.
+        note: how, in a few words.
     """
 
     key: str
@@ -54,7 +58,8 @@ def figures(study: Study, prints: Prints | None = None) -> list[Figure]:
     """The lines of a study: what it will feel, what it weighs, what it takes to make.
 
     Args:
-        study: the design. prints: of its sliced files; None for estimates.
+        study: the design.
+        prints: of its sliced files; None for estimates.
     """
     lines = [*_loads(study), *_dots(study), *_errors(study), *_rate(study), *_mass(study)]
     lines += _made(study, prints or estimated_prints(study.params))

@@ -36,7 +36,8 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
     """What an endcap will feel.
 
     Args:
-        study: the design. lines: its figures.
+        study: the design.
+        lines: its figures.
     """
     params = study.params
     weights = find_weights(params, study.silicone)
@@ -72,7 +73,9 @@ def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) 
     """The whole region for every silicone, and the answer to a question.
 
     Args:
-        places: of the map. choices: answer, empty without a question. question: in words.
+        places: of the map.
+        choices: answer, empty without a question.
+        question: in words.
     """
     answer = ""
     if choices:

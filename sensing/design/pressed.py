@@ -41,7 +41,8 @@ class LoadCurve:
     """Pressing at one tilt until the model ends: depth, force, patch and strain, NaN past its end.
 
     Attributes:
-        tilt_deg: of the plane. depth_mm, normal_n, patch_mm2, strain: (15,) each.
+        tilt_deg: of the plane.
+        depth_mm, normal_n, patch_mm2, strain: (15,) each.
     """
 
     tilt_deg: float
@@ -94,7 +95,8 @@ class Study:
     """One design and silicone.
 
     Attributes:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
 
     params: EndcapParams

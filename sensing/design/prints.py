@@ -27,7 +27,8 @@ class Prints:
 
     Attributes:
         time_h, grams, cost_usd: of all plates.
-        parts: which they are, in words. is_sliced: whether the moves of the printer were counted.
+        parts: which they are, in words.
+        is_sliced: whether the moves of the printer were counted.
         manifest_sha256: of the export that was sliced.
     """
 
@@ -61,7 +62,8 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
     """Sum of all plates.
 
     Args:
-        params: the design. path: ``slice.json``.
+        params: the design.
+        path: ``slice.json``.
 
     Raises:
         FileError: it cannot be read, or belongs to another design.

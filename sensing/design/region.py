@@ -32,10 +32,14 @@ class Place:
 
     Attributes:
         diameter_mm, wall_mm, silicone: which.
-        range_n: of the weights. safe_n: largest safe load. limit: what limits it.
-        stiffness_n_mm: at 25 degrees. bound_n: Cramer-Rao of the force, an axis. mass_g: of the silicone.
-        cost_usd: silicone and mold (estimated). pareto: no other place has more range, less error in percent of it and
-            less mass.
+        range_n: of the weights.
+        safe_n: largest safe load.
+        limit: what limits it.
+        stiffness_n_mm: at 25 degrees.
+        bound_n: Cramer-Rao of the force, an axis.
+        mass_g: of the silicone.
+        cost_usd: silicone and mold (estimated).
+        pareto: no other place has more range, less error in percent of it and less mass.
     """
 
     diameter_mm: float
@@ -65,7 +69,8 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
     """A study's figures for the map.
 
     Args:
-        study: of one design. bound_n: the force bound; computed (seconds) where it is not given.
+        study: of one design.
+        bound_n: the force bound; computed (seconds) where it is not given.
     """
     safe_n, limit = study.safe
     params = study.params
@@ -80,7 +85,8 @@ def in_silicone(place: Place, name: str) -> Place:
     """The same shell in another silicone: loads, stiffness and errors go with mu, mass with the density.
 
     Args:
-        place: of any silicone without a strain limit. name: row of cad/materials.csv.
+        place: of any silicone without a strain limit.
+        name: row of cad/materials.csv.
     """
     before, after = silicone(place.silicone), silicone(name)
     stiffer = after.neo_hooke().shear_mpa / before.neo_hooke().shear_mpa
@@ -96,7 +102,8 @@ def grid(diameters: int = DIAMETERS, walls: int = WALLS) -> list[tuple[float, fl
     """(D, T) over the region that can be made, rounded to 0.1 mm inside it.
 
     Args:
-        diameters: how many, from the smallest to the largest. walls: how many at each.
+        diameters: how many, from the smallest to the largest.
+        walls: how many at each.
     """
     low, high = diameter_range_mm()
     places = []
@@ -114,7 +121,8 @@ def survey(designs: Sequence[tuple[float, float]], progress: Progress | None = N
     """Places of designs in every silicone.
 
     Args:
-        designs: (D, T) of each, mm. progress: called with (designs done, designs in all).
+        designs: (D, T) of each, mm.
+        progress: called with (designs done, designs in all).
     """
     found: list[Place] = []
     for count, (diameter, wall) in enumerate(designs, 1):
@@ -144,7 +152,9 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
     """Three designs that bear a load with an error: the lightest, the most exact, the smallest.
 
     Args:
-        places: to choose from. load_n: normal force to be borne. error_n: force error an axis, expected of weights.
+        places: to choose from.
+        load_n: normal force to be borne.
+        error_n: force error an axis, expected of weights.
 
     Raises:
         ParameterError: none does; the message names the nearest.
@@ -178,7 +188,8 @@ def require_possible(designs: Sequence[tuple[float, float]], load_n: float, erro
     """Refuse in a second what the map would refuse after minutes: loads and shares of the range need no bound.
 
     Args:
-        designs: (D, T) of each, mm. load_n, error_n: as in :func:`choose`.
+        designs: (D, T) of each, mm.
+        load_n, error_n: as in :func:`choose`.
 
     Raises:
         ParameterError: no design bears the load, or those that do err more even if their dots were perfect.

@@ -42,8 +42,10 @@ class DesignRequest:
     """What weights are wanted for.
 
     Attributes:
-        params: the design. silicone: row of cad/materials.csv.
-        azimuths: at which every state is seen. pictures: render and track the states once, to scale the covariance.
+        params: the design.
+        silicone: row of cad/materials.csv.
+        azimuths: at which every state is seen.
+        pictures: render and track the states once, to scale the covariance.
         numbers: of the library's paths that are used; None for all.
     """
 
@@ -68,7 +70,8 @@ class DesignRequest:
         """Request of a set.
 
         Args:
-            render: quality of the pictures, or ``off``. azimuths: of every state.
+            render: quality of the pictures, or ``off``.
+            azimuths: of every state.
         """
         return DataRequest(
             frames=1, diameter_mm=self.params.diameter_mm, wall_mm=self.params.wall_mm, silicone=self.silicone,
@@ -89,7 +92,8 @@ def design_weights(
         solved: states of the library's paths from elsewhere (a direct simulation); None takes the library.
 
     Raises:
-        ParameterError: a design outside the library. FileError: no library, or no place for its pictures.
+        ParameterError: a design outside the library.
+        FileError: no library, or no place for its pictures.
     """
     from sensing.learning.fitting import fit  # torch takes seconds to load
 

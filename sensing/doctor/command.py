@@ -41,7 +41,8 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
     """Check all sources; returns the exit status.
 
     Args:
-        arguments: behind ``check``. recorded: opens a recording.
+        arguments: behind ``check``.
+        recorded: opens a recording.
     """
     options = _parser().parse_args(arguments)
     try:

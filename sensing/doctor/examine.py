@@ -28,7 +28,10 @@ class Report:
     """What was found.
 
     Attributes:
-        source: its name. frames: taken. size: of the pictures, px; None if there is none. findings: in order.
+        source: its name.
+        frames: taken.
+        size: of the pictures, px; None if there is none.
+        findings: in order.
     """
 
     source: str
@@ -48,8 +51,11 @@ def examine(
     """Look at frames of an untouched endcap.
 
     Args:
-        source: name for the report. frames: in order. params: the design. timed: whether the frames' times are those of
-            their capture (not of a video or folder). asked_hz: rate that was asked for, frames/s.
+        source: name for the report.
+        frames: in order.
+        params: the design.
+        timed: whether the frames' times are those of their capture (not of a video or folder).
+        asked_hz: rate that was asked for, frames/s.
     """
     if not frames:
         none = finding("frames", Verdict.BAD, "no frame came", "check cable, address and permissions")
@@ -72,7 +78,9 @@ def take_live(open_source: Callable[[], FrameSource], count: int, wait_s: float 
     """Frames of a camera, and why there are no more; none is left out because this program is slow.
 
     Args:
-        open_source: opens the camera. count: frames wanted. wait_s: for one frame, s.
+        open_source: opens the camera.
+        count: frames wanted.
+        wait_s: for one frame, s.
     """
     frames: list[Frame] = []
     with LiveSource(open_source, length=count) as live:
@@ -91,7 +99,8 @@ def take_file(frames: Iterable[Frame], count: int) -> list[Frame]:
     """The first frames of a file.
 
     Args:
-        frames: in order. count: at most so many.
+        frames: in order.
+        count: at most so many.
     """
     return list(islice(frames, count))
 

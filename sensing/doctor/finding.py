@@ -19,7 +19,8 @@ class Finding:
     """One finding.
 
     Attributes:
-        name: what was looked at. verdict: good, look at it, or bad.
+        name: what was looked at.
+        verdict: good, look at it, or bad.
         text: the numbers, in words and units.
         fix: what to do, one line; empty where nothing is to be done.
         values: the numbers by name, each with its unit in it.
@@ -47,7 +48,8 @@ def above(value: float, good: float, look: float) -> Verdict:
     """Verdict on a number that should be large.
 
     Args:
-        value: the number. good, look: from here on good, and worth a look; bad below.
+        value: the number.
+        good, look: from here on good, and worth a look; bad below.
     """
     return Verdict.GOOD if value >= good else Verdict.LOOK if value >= look else Verdict.BAD
 
@@ -56,6 +58,7 @@ def below(value: float, good: float, look: float) -> Verdict:
     """Verdict on a number that should be small.
 
     Args:
-        value: the number. good, look: up to here good, and worth a look; bad beyond.
+        value: the number.
+        good, look: up to here good, and worth a look; bad beyond.
     """
     return above(-value, -good, -look)

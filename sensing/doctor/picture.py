@@ -49,7 +49,8 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
     """Findings on one picture.
 
     Args:
-        image_bgr: (h, w, 3) of the untouched endcap. params: its design.
+        image_bgr: (h, w, 3) of the untouched endcap.
+        params: its design.
     """
     gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
     exposure = _exposure(light_of(gray))

@@ -21,7 +21,8 @@ def stream_findings(frames: Sequence[Frame], asked_hz: float | None) -> list[Fin
     """Findings on the times and sizes of frames.
 
     Args:
-        frames: in order, with capture times in s. asked_hz: rate that was asked for, frames/s; None if unknown.
+        frames: in order, with capture times in s.
+        asked_hz: rate that was asked for, frames/s; None if unknown.
     """
     times = np.array([frame.time_s for frame in frames])
     if len(times) < FEWEST or not (np.diff(times) > 0).all():

@@ -27,9 +27,12 @@ class Cell:
 
     Attributes:
         tilt_deg, load_n: (from, to); NaN tilts where the set does not state them.
-        frames: how many. rmse, bias: (6,) by axis, N and N m.
-        coverage: fraction of axes within 1.96 standard deviations. flagged: fraction of frames with a flag.
-        far_n: error of fz that is far off. far, far_flagged: frames that are, and how many of them have a flag.
+        frames: how many.
+        rmse, bias: (6,) by axis, N and N m.
+        coverage: fraction of axes within 1.96 standard deviations.
+        flagged: fraction of frames with a flag.
+        far_n: error of fz that is far off.
+        far, far_flagged: frames that are, and how many of them have a flag.
         centre_deg, normal_deg: medians by which contact centre and normal are off; NaN where the plane is not known.
     """
 
@@ -61,8 +64,9 @@ def cells(answers: LiveAnswers, load_scale: float = 1.0) -> list[Cell]:
     """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last.
 
     Args:
-        answers: of one model on one set. load_scale: how large the endcap's forces are
-            (:mod:`sensing.wrench.load_scale`); loads are parted alike in every range.
+        answers: of one model on one set.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`); loads are parted alike in
+            every range.
     """
     touching = answers.take(answers.contact)
     load = np.linalg.norm(touching.truth[:, :3], axis=1)

@@ -101,7 +101,8 @@ def widths(answers: LiveAnswers, onset_n: float, light_n: float = LIGHT_N) -> tu
 
     Args:
         answers: of a model without t; ``path`` says which frames belong together.
-        onset_n: F0, N, force by which half of t is there. light_n: force below which a load is light, N.
+        onset_n: F0, N, force by which half of t is there.
+        light_n: force below which a load is light, N.
     """
     error, path = (answers.value - answers.truth) / NORMAL_95, answers.path
     own, total = (np.diagonal(c, axis1=1, axis2=2) for c in (answers.model_covariance, answers.covariance))

@@ -40,12 +40,15 @@ class LiveAnswers:
     """Answers of single frames (the filter comes after them), in the order of the set.
 
     Attributes:
-        value, truth: (N, 6) wrenches. covariance: (N, 6, 6); model_covariance: (N, 6, 6), without what the camera adds.
+        value, truth: (N, 6) wrenches.
+        covariance: (N, 6, 6).
+        model_covariance: (N, 6, 6), without what the camera adds.
         flagged: (N,) bool, True where the model itself says that the field is unlike those of training.
         tilt_deg: (N,) polar angle of first contact, NaN where unknown.
         place: (N, 4) degrees: contact centre off (seen from the sphere's centre), normal off, and what the answer says
             of both (standard deviation of one direction); NaN where the place of the plane is not known.
-        contact: (N,) bool. path: (N,) str, identity of the loading path.
+        contact: (N,) bool.
+        path: (N,) str, identity of the loading path.
     """
 
     value: Array

@@ -19,8 +19,10 @@ def place_errors(item: LabelledFrame, estimate: Wrench, law: PlaneContactLaw | N
     """(4,) degrees: centre off, normal off, and the standard deviations that the answer states; NaN where unknown.
 
     Args:
-        item: the frame. estimate: of the wrench, endcap or sphere frame. law: of the endcap; None where no plane
-            presses. params: the design.
+        item: the frame.
+        estimate: of the wrench, endcap or sphere frame.
+        law: of the endcap; None where no plane presses.
+        params: the design.
 
     Notes:
         The true plane is the world's z = 0, and the true centre follows from the true wrench on it.

@@ -57,7 +57,9 @@ def download_authors_dataset(folder: str | Path, repository: str = REPOSITORY, e
     """Fetch the data set into ``folder`` (what is there already is not fetched again); returns the index's folder.
 
     Args:
-        folder: where. repository: on the hub. endpoint: another hub than the public one.
+        folder: where.
+        repository: on the hub.
+        endpoint: another hub than the public one.
 
     Raises:
         FileError: the optional library is missing, the hub does not answer, or what came holds no index.

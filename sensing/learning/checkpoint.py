@@ -26,7 +26,10 @@ class Descent:
     """Where a descent is.
 
     Attributes:
-        epoch: epochs done. seconds: spent. lowest: error of the best epoch. best: its weights by name.
+        epoch: epochs done.
+        seconds: spent.
+        lowest: error of the best epoch.
+        best: its weights by name.
     """
 
     epoch: int
@@ -39,7 +42,8 @@ class Checkpoint:
     """The checkpoint file of one training; without a path it does nothing.
 
     Args:
-        path: the file. key: text that identifies samples and settings.
+        path: the file.
+        key: text that identifies samples and settings.
     """
 
     def __init__(self, path: Path | None, key: str) -> None:
@@ -52,7 +56,8 @@ class Checkpoint:
         """Put a stage back to where it was; None where nothing is known of it.
 
         Args:
-            stage: its name. part, optimizer: of the stage; both get the state that was kept.
+            stage: its name.
+            part, optimizer: of the stage; both get the state that was kept.
         """
         tensors, about = self._found
         if f"{stage} done" in about:
@@ -73,7 +78,9 @@ class Checkpoint:
         """Write, now and then.
 
         Args:
-            stage: its name. part, optimizer: of the stage, as they are now. state: where the descent is.
+            stage: its name.
+            part, optimizer: of the stage, as they are now.
+            state: where the descent is.
         """
         if self._path is None or time.monotonic() - self._written < EVERY_S:
             return

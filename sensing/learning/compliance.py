@@ -30,7 +30,8 @@ class ComplianceInverse:
     """Places on a grid, each with its linear inverse.
 
     Attributes:
-        directions: (K, 3) outward at each place. basis: (K, 2 H W, 3) orthonormal columns that span its fields.
+        directions: (K, 3) outward at each place.
+        basis: (K, 2 H W, 3) orthonormal columns that span its fields.
         inverse: (K, 6, 2 H W) field to wrench about the sphere's centre.
     """
 

@@ -33,7 +33,8 @@ class Views:
     """The same frames as each model sees them.
 
     Attributes:
-        dots: tracked on the pictures. gelslim: the released field (None where it is not asked for).
+        dots: tracked on the pictures.
+        gelslim: the released field (None where it is not asked for).
         markers: domain-randomised sensors' views of the same loading paths; for training only.
     """
 
@@ -54,11 +55,15 @@ def read_views(
     """Read folders of one design.
 
     Args:
-        folders: of labelled frames. released: whether the released field is needed. markers: whether training is meant.
-        shape: (H, W) of our field. radial: of the weights (:func:`sensing.learning.samples.read_samples`).
+        folders: of labelled frames.
+        released: whether the released field is needed.
+        markers: whether training is meant.
+        shape: (H, W) of our field.
+        radial: of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
-        ParameterError: folders of different designs. FileError: a folder that cannot be read.
+        ParameterError: folders of different designs.
+        FileError: a folder that cannot be read.
     """
     return Views(
         read_all(folders, "dots", shape, radial),
@@ -73,11 +78,14 @@ def read_all(
     """Samples of several folders of one design, in one.
 
     Args:
-        folders: of labelled frames. method: of the field. shape: (H, W) of the field.
+        folders: of labelled frames.
+        method: of the field.
+        shape: (H, W) of the field.
         radial: of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
-        ParameterError: folders of different designs. FileError: a folder that cannot be read.
+        ParameterError: folders of different designs.
+        FileError: a folder that cannot be read.
     """
     parts = [read_samples(folder, method, shape, radial) for folder in folders]
     designs = {part.design.label for part in parts}
@@ -95,8 +103,10 @@ def held_out(views: Views, what: str, seed: int = 0) -> tuple[Views, Views]:
     """(rest, held) of one data set.
 
     Args:
+        views: all samples of the data set.
         what: ``random`` frames as the paper draws them (neighbours in time on both sides), whole ``path``s, ``pose``:
             all tilts between 25 and 35 degrees, or ``friction``: all above 0.8.
+        seed: of the random choices of ``random`` and ``path``.
 
     Raises:
         ParameterError: an unknown name, or nothing on one side.
@@ -126,7 +136,9 @@ def fitted(train: Views, ours: WrenchModel | None, paper_epochs: int, seed: int 
     """Every model by name, fitted to the training views; ours as given.
 
     Args:
-        train: the training views. ours: our model, if it is to be among them. paper_epochs: of the paper's recipe.
+        train: the training views.
+        ours: our model, if it is to be among them.
+        paper_epochs: of the paper's recipe.
         seed: of the paper's recipe.
     """
     from sensing.learning.compliance import fit_compliance

@@ -30,10 +30,11 @@ def covered_range(
     """Range of weights, from the samples that they learned from.
 
     Args:
-        weights: tensors by name. samples: learned from, in the loads of D=130 T=8
-            (:mod:`sensing.learning.reference_loads`). config: says which symmetries were used.
-        side: cells along one side of the square grid. start: weights that were fine-tuned, in the same loads; what they
-            knew stays known.
+        weights: tensors by name.
+        samples: learned from, in the loads of D=130 T=8 (:mod:`sensing.learning.reference_loads`).
+        config: says which symmetries were used.
+        side: cells along one side of the square grid.
+        start: weights that were fine-tuned, in the same loads; what they knew stays known.
     """
     principal, back = weights["principal"].astype(np.float64), pattern_of(weights)
     measures = []
@@ -59,7 +60,8 @@ def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
     """What the principal fields leave of a field: limit without load, and more for each newton of it.
 
     Args:
-        rest_px: (N,) of the samples. force_n: (N,) norms of their forces.
+        rest_px: (N,) of the samples.
+        force_n: (N,) norms of their forces.
     """
     light = force_n < LIGHT_N
     if light.all() or not light.any():

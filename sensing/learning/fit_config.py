@@ -13,13 +13,18 @@ class FitConfig:
     """Knobs of training.
 
     Attributes:
-        components: principal fields. hidden: width of the mean's perceptron. doubting: of the covariance's.
+        components: principal fields.
+        hidden: width of the mean's perceptron.
+        doubting: of the covariance's.
         depth: hidden layers of the mean, two or three.
         epochs: passes over the training data for the mean; the covariance takes a third of them more.
         seconds: stop the mean after so long, if sooner; the covariance after a third of it.
-        rate: AdamW's first, falling to zero. batch: samples in a step. decay: AdamW's weight decay.
+        rate: AdamW's first, falling to zero.
+        batch: samples in a step.
+        decay: AdamW's weight decay.
         symmetric: use the eight symmetries of the square.
-        seed: of the random numbers. device: torch's, for example ``cpu`` or ``cuda``.
+        seed: of the random numbers.
+        device: torch's, for example ``cpu`` or ``cuda``.
 
     Raises:
         ParameterError: a number out of range.

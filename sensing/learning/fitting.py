@@ -65,8 +65,9 @@ def fit(
 
     Args:
         samples: at least three loading paths.
-        start: weights to go on from (fine-tuning): the answers are first mapped onto
-            the new labels, then the perceptrons learn on, with more principal fields where ``config`` has more.
+        config: size of the network and settings of the training.
+        start: weights to go on from (fine-tuning): the answers are first mapped onto the new labels, then the
+            perceptrons learn on, with more principal fields where ``config`` has more.
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
         pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
@@ -126,10 +127,9 @@ def _tensors(net: WrenchNet, train: Samples, start: WrenchModel | None) -> dict[
 
 
 def _straight(samples: Samples, principal: Array, side: int) -> Array:
-    """(6, D) the best straight answer from principal parts alone: what they leave is mostly noise.
+    """(6, D) least-squares linear map from the principal fields P (K, D): what they do not span is mostly noise.
 
-    Args:
-        samples: to learn from, with their symmetric copies. principal: P (K, D). side: cells along a side.
+    It is fitted to the samples and their symmetric copies; ``side`` is the number of cells along a side.
     """
     gram, moment = np.zeros((2 * side * side,) * 2), np.zeros((2 * side * side, 6))
     for part in samples.blocks():

@@ -37,7 +37,8 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
         None for the nominal one.
 
     Raises:
-        FileError: a camera file of another endcap, or a set without frames. CalibrationError: see :func:`found_camera`.
+        FileError: a camera file of another endcap, or a set without frames.
+        CalibrationError: see :func:`found_camera`.
     """
     if data.manifest["request"]["protocol"] != RECORDED:
         return found_camera(data)
@@ -58,7 +59,8 @@ def found_camera(data: LabelledSet) -> MountedCamera:
     """What ``python -m sensing.calibrate`` finds on the first reference picture of a set.
 
     Raises:
-        FileError: a set without frames. CalibrationError: a picture from which no camera can be calibrated.
+        FileError: a set without frames.
+        CalibrationError: a picture from which no camera can be calibrated.
     """
     image = decode_bgr(_first_reference(data))
     return calibrate_from_dots(find_dots(image, data.params), data.params, (image.shape[1], image.shape[0])).mounted

@@ -42,8 +42,9 @@ def write_lerobot(data: LabelledSet, folder: Path, task: str = "") -> int:
     """Write all frames; the folder appears when all of it is there, or not at all.
 
     Args:
-        data: labelled frames with pictures. folder: a new or empty one. task: words for what is done; empty for the
-            protocol's.
+        data: labelled frames with pictures.
+        folder: a new or empty one.
+        task: words for what is done; empty for the protocol's.
 
     Returns:
         Number of frames.
@@ -87,7 +88,9 @@ class _Writer:
         """One episode.
 
         Args:
-            episode: its number. frames: in order of time. task: in words.
+            episode: its number.
+            frames: in order of time.
+            task: in words.
         """
         count = len(frames)
         jpegs = [item.frame.jpeg or b"" for item in frames]

@@ -47,7 +47,8 @@ class Scatter:
     Attributes:
         camera: of the camera, times what a calibration from a rest picture leaves of it
             (:func:`sensing.learning.found_camera.left_by_calibration`).
-        paint_px: of a painted dot from its place. unseen: share of dots not found.
+        paint_px: of a painted dot from its place.
+        unseen: share of dots not found.
         still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (half of it by
             :data:`KNEE_PX`), and as a share of its displacement. Compression and sampling err alike in every picture of
             a dot at rest, which cancels; a dot that has moved by a third of a pixel meets other pixels (M:
@@ -74,7 +75,9 @@ class MarkerSensor:
     """One domain-randomised sensor.
 
     Args:
-        design: the endcap. shape: (H, W) of its fields. scatter: how it differs from the nominal one.
+        design: the endcap.
+        shape: (H, W) of its fields.
+        scatter: how it differs from the nominal one.
         rng: draws the sensor, and the noise of every frame.
     """
 

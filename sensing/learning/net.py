@@ -28,7 +28,10 @@ class WrenchNet(nn.Module):
     """The network of the module's text.
 
     Args:
-        inputs: 2 H W. components: rows of P. hidden: width of the perceptron of the mean. doubting: of the other.
+        inputs: 2 H W.
+        components: rows of P.
+        hidden: width of the perceptron of the mean.
+        doubting: of the other.
         depth: hidden layers of the mean.
     """
 
@@ -95,7 +98,9 @@ class Anchored(nn.Module):
     """Perceptron that is exactly zero at zero; it starts as zero everywhere.
 
     Args:
-        inputs: of it. hidden: width of its layers. depth: how many of them, two or three.
+        inputs: number of inputs.
+        hidden: width of the hidden layers.
+        depth: number of hidden layers, two or three.
     """
 
     def __init__(self, inputs: int, hidden: int, depth: int) -> None:

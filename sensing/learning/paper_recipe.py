@@ -30,7 +30,8 @@ class PaperResult:
     """A trained network and its errors.
 
     Attributes:
-        model: weights of the epoch with the lowest validation error. best_epoch: its number from 1.
+        model: weights of the epoch with the lowest validation error.
+        best_epoch: its number from 1.
         train_mse, test_mse, validation_mse: mean over samples and axes, N and N m mixed.
         history: (epochs, 2) training loss and validation error.
     """
@@ -61,8 +62,10 @@ def train_paper_model(
     """Train from scratch.
 
     Args:
-        fields: (N, 2, 30, 30). wrenches: (N, 6) labels.
-        seed: of weights, split and order. epochs: the paper's 100.
+        fields: (N, 2, 30, 30).
+        wrenches: (N, 6) labels.
+        seed: of weights, split and order.
+        epochs: the paper's 100.
         split: indices for training, test, validation; the paper's random one if not given.
         progress: called after each epoch with (epoch, training loss, validation error).
 

@@ -10,7 +10,9 @@ def path_quantile(values: NDArray, path: NDArray[np.str_], level: float) -> NDAr
     """(A,) smallest values of (N, A) below or at which ``level`` of the weight lies, column by column.
 
     Args:
-        values: (N, A). path: (N,) identity of each row's path. level: in (0, 1]; 1 gives the largest.
+        values: (N, A).
+        path: (N,) identity of each row's path.
+        level: in (0, 1]; 1 gives the largest.
     """
     _, of_row, frames = np.unique(path, return_inverse=True, return_counts=True)
     weight = 1.0 / (len(frames) * frames[of_row])

@@ -29,7 +29,8 @@ def principal_fields(samples: Samples, count: int) -> Array:
     """(count, 2 H W) directions, at most, scaled so that each part P x has variance 1 over the samples.
 
     Args:
-        samples: of one design, with square fields. count: directions wanted.
+        samples: of one design, with square fields.
+        count: directions wanted.
 
     Raises:
         ParameterError: fields that are all zero.
@@ -41,7 +42,9 @@ def leading(total: Array, noise: Array, count: int) -> Array:
     """(count, D) directions, at most, with the largest share of ``total`` (D, D) that is not ``noise`` (D, D).
 
     Args:
-        total: second moments. noise: those of the noise in them; zero where it is unknown. count: directions wanted.
+        total: second moments of the fields.
+        noise: second moments of the noise in the fields; zero where it is unknown.
+        count: directions wanted.
 
     Raises:
         ParameterError: moments that are all zero.
@@ -63,8 +66,10 @@ def pattern_tensor(principal: NDArray[np.float32], samples: Samples, start: Weig
     """``pattern`` (2 H W, K) of weights, the fields that their principal parts stand for, by its name.
 
     Args:
-        principal: (K, 2 H W) directions. samples: of one design, with square fields. start: tensors of the weights
-            that were fine-tuned, whose pattern stays unless there are more directions now; none where they have none.
+        principal: (K, 2 H W) directions.
+        samples: of one design, with square fields.
+        start: tensors of the weights that were fine-tuned, whose pattern stays unless there are more directions now;
+            none where they have none.
     """
     if start is not None and len(start["principal"]) == len(principal):
         return {name: start[name] for name in PATTERN if name in start}

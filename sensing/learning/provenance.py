@@ -19,8 +19,9 @@ def provenance(
     """Plain JSON of a training. Folders are named without the way to them.
 
     Args:
-        samples: that were learned from. config: knobs of it. start: weights that were fine-tuned; their own training is
-            kept, and its paths count as known.
+        samples: that were learned from.
+        config: knobs of it.
+        start: weights that were fine-tuned; their own training is kept, and its paths count as known.
         others: that the covariance alone learned from; their paths count as known, too.
     """
     before = None if start is None else start.about.get("training")

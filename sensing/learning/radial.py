@@ -43,7 +43,8 @@ def radial_tensors(folders: Sequence[str | Path], shape: tuple[int, int]) -> Wei
     """``radial.parts`` (R, 2 H W) and ``radial.cells`` (H W, R) of weights; none where no set says how its dots moved.
 
     Args:
-        folders: of labelled frames of one design. shape: (H, W) of the field, square.
+        folders: of labelled frames of one design.
+        shape: (H, W) of the field, square.
 
     Raises:
         FileError: a folder that cannot be read, or that is not whole.
@@ -72,7 +73,9 @@ class _Skin:
     """Radial displacement in the cells, of the dots of a design.
 
     Args:
-        design: the endcap. rest_mm: (d, 3) its dots at rest. shape: (H, W) of the cells.
+        design: the endcap.
+        rest_mm: (d, 3) its dots at rest.
+        shape: (H, W) of the cells.
     """
 
     def __init__(self, design: EndcapParams, rest_mm: Array, shape: tuple[int, int]) -> None:

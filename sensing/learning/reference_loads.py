@@ -33,7 +33,8 @@ def rescaled(model: WrenchModel, factor: NDArray[np.float64]) -> WrenchModel:
     """The network with its outputs, and what it covers, in other loads.
 
     Args:
-        model: weights. factor: (6,) on forces and torques.
+        model: weights.
+        factor: (6,) on forces and torques.
     """
     weights, covered = dict(model.weights), model.range
     weights["linear"] = (weights["linear"] * factor[:, None]).astype(np.float32)

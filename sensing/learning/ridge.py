@@ -25,7 +25,10 @@ def fit_ridge(inputs: Array, wrenches: Array, path: NDArray, side: int) -> tuple
     """Weights (6, 2 side side) and the share lambda / largest eigenvalue that was chosen.
 
     Args:
-        inputs: (N, 2 side side). wrenches: (N, 6). path: (N,) identity of the loading paths.
+        inputs: (N, 2 side side) fields, px.
+        wrenches: (N, 6), N and N m.
+        path: (N,) identity of the loading paths.
+        side: number of cells along a side of the field.
 
     Raises:
         ParameterError: shapes that do not fit, no samples, or numbers that are not finite.

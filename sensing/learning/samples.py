@@ -59,12 +59,17 @@ class Samples:
     """N samples of one design.
 
     Attributes:
-        fields: (N, 2, H, W) float32, as the method gives them where not valid too. valid: (N, H, W) bool.
+        fields: (N, 2, H, W) float32, as the method gives them where not valid too.
+        valid: (N, H, W) bool.
         wrenches: (N, 6) on the endcap about the sphere's centre.
-        path: (N,) str identity of the loading path. phase: (N,) str.
-        time_s: (N,) capture time within the path. contact: (N,) bool.
+        path: (N,) str identity of the loading path.
+        phase: (N,) str.
+        time_s: (N,) capture time within the path.
+        contact: (N,) bool.
         tilt_deg, azimuth_deg, friction: (N,) pose and plane, NaN where unknown.
-        design: the endcap. method: of the field. source: folder it came from.
+        design: the endcap.
+        method: of the field.
+        source: folder it came from.
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
     """
 
@@ -124,7 +129,9 @@ class Samples:
         """(rest, about ``share`` of the paths, ``most`` at most): whole paths, at random, at least one on each side.
 
         Args:
-            share: of the paths. seed: of the draw. most: paths of the second part.
+            share: of the paths.
+            seed: of the draw.
+            most: paths of the second part.
 
         Raises:
             ParameterError: fewer than two paths.

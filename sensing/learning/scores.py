@@ -25,11 +25,14 @@ class Score:
     """Errors over N samples; NaN where nothing could be judged.
 
     Attributes:
-        count: N. rmse, mae: (6,) by axis. mixed_mse: mean over samples and axes.
+        count: N.
+        rmse, mae: (6,) by axis.
+        mixed_mse: mean over samples and axes.
         direction_deg: median angle between true and reported force, from ``DIRECTION_N`` on.
         precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
         rest_n: largest force norm reported where nothing touches.
-        coverage: share of axes within 1.96 standard deviations. flagged: share out of range.
+        coverage: share of axes within 1.96 standard deviations.
+        flagged: share out of range.
         lag_s: delay of the answers behind the truth, where it was looked for.
     """
 
@@ -63,8 +66,10 @@ def score(
     """Score answers (N, 6) against the truth (N, 6).
 
     Args:
-        reported, truth: wrenches. contact: (N,) whether anything touches.
-        covariance: (N, 6, 6). flagged: (N,) out of range.
+        reported, truth: wrenches.
+        contact: (N,) whether anything touches.
+        covariance: (N, 6, 6).
+        flagged: (N,) out of range.
         load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Raises:

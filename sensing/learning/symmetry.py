@@ -42,8 +42,9 @@ def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray
     """(N, 2 side side) fields of a square grid, moved by a symmetry.
 
     Args:
-        inputs: (N, 2 side side). number: of the symmetry, 0..7 (:func:`plane_map`). side: cells along one side of the
-            grid.
+        inputs: (N, 2 side side).
+        number: of the symmetry, 0..7 (:func:`plane_map`).
+        side: cells along one side of the grid.
     """
     order, sign = _permutation(number, side)
     return inputs[:, order] * sign
@@ -55,7 +56,9 @@ def symmetric_moments(
     """X'X (D, D) and X'Y (D, 6) summed over all eight copies of the samples, from those of the samples alone.
 
     Args:
-        inputs: X (N, D), D = 2 side side. wrenches: Y (N, 6), N and N m. side: cells along one side of the grid.
+        inputs: X (N, D), D = 2 side side.
+        wrenches: Y (N, 6), N and N m.
+        side: cells along one side of the grid.
     """
     moment, totals = inputs.T @ wrenches, np.zeros((inputs.shape[1], 6))
     for number in range(COUNT):
@@ -68,7 +71,8 @@ def symmetric_gram(gram: NDArray[np.float64], side: int) -> NDArray[np.float64]:
     """(D, D) sum over all eight copies of samples, from the X'X (D, D) of the samples alone.
 
     Args:
-        gram: of fields (D = 2 side side). side: cells along one side of the square grid.
+        gram: of fields (D = 2 side side).
+        side: cells along one side of the square grid.
     """
     total = np.zeros_like(gram)
     for number in range(COUNT):
@@ -81,7 +85,8 @@ def symmetric_cell_moments(moment: NDArray[np.float64], side: int) -> NDArray[np
     """(D, C) sum over all eight copies of samples of X'Y, Y a number in every cell, from that of the samples alone.
 
     Args:
-        moment: X'Y of fields X (N, D = 2 C) and cells Y (N, C = side side). side: cells along one side of the grid.
+        moment: X'Y of fields X (N, D = 2 C) and cells Y (N, C = side side).
+        side: cells along one side of the grid.
     """
     total = np.zeros_like(moment)
     for number in range(COUNT):

@@ -25,8 +25,10 @@ def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict:
     """Score of the filter's answers at capture time plus latency, against the truth at that time.
 
     Args:
-        model: answers single frames. test: frames; runs with too few for the latency are left out.
-        latency_s: from capture to answer. predict: False leaves the lag in: the answer of capture time comes late.
+        model: answers single frames.
+        test: frames; runs with too few for the latency are left out.
+        latency_s: from capture to answer.
+        predict: False leaves the lag in: the answer of capture time comes late.
     """
     value, covariance = model.predict(test.inputs)
     config, moving_n = FilterConfig().scaled(model.load_scale), MOVING_N * model.load_scale
@@ -82,7 +84,8 @@ def lag_s(reported: Array, truth: Array, times_s: Array) -> float:
     """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three).
 
     Args:
-        reported, truth: (n,) values of one axis. times_s: (n,) of both, evenly spaced.
+        reported, truth: (n,) values of one axis.
+        times_s: (n,) of both, evenly spaced.
     """
     step = float(np.median(np.diff(times_s)))
     shifts = np.arange(-5, 6)

@@ -160,7 +160,8 @@ def _require_weights(model: str, options: argparse.Namespace) -> None:
     """Refuse a robot that has no weights before its pictures are rendered.
 
     Raises:
-        FileError: no weights for its endcaps. ParameterError: a design that cannot be made.
+        FileError: no weights for its endcaps.
+        ParameterError: a design that cannot be made.
     """
     params = design_of(options)
     if model == "default" and options.weights is None and known_weights(model, params, options.silicone) is None:

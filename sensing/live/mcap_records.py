@@ -50,8 +50,9 @@ class ChunkPlace:
     """Where a chunk lies.
 
     Attributes:
-        byte: of its record. begin_ns, end_ns: first and last stamp of its messages. channels: numbers of those that
-            have messages in it; empty where the file does not say.
+        byte: of its record.
+        begin_ns, end_ns: first and last stamp of its messages.
+        channels: numbers of those that have messages in it; empty where the file does not say.
     """
 
     byte: int
@@ -64,10 +65,12 @@ def read_records(path: Path, start: int = 0) -> Iterator[McapRecord]:
     """All channels, messages, metadata and attachments; chunks are opened.
 
     Args:
-        path: of the file. start: byte of the record to begin with; 0 for the first.
+        path: of the file.
+        start: byte of the record to begin with; 0 for the first.
 
     Raises:
-        FileError: missing, no regular file, no MCAP. DamagedError, CutError: after all that can be read.
+        FileError: missing, no regular file, no MCAP.
+        DamagedError, CutError: after all that can be read.
     """
     with _opened_file(path) as stream:
         yield from _records(path, stream, path.stat().st_size, start)
@@ -77,7 +80,8 @@ def read_chunk(path: Path, byte: int) -> Iterator[McapRecord]:
     """The records of one chunk.
 
     Raises:
-        FileError: missing, no regular file. DamagedError: damaged.
+        FileError: missing, no regular file.
+        DamagedError: damaged.
     """
     with _opened_file(path) as stream:
         yield from _records(path, stream, path.stat().st_size, byte, once=True)

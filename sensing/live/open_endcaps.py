@@ -25,7 +25,9 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
     """Endcaps of a configuration, not yet started.
 
     Args:
-        config: what to run. speed: of files. models: model of an endcap; None for that of the configuration.
+        config: what to run.
+        speed: of files.
+        models: model of an endcap; None for that of the configuration.
 
     Raises:
         EndcapError: a source, reference, model or file that cannot be used.

@@ -22,7 +22,10 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
     """Start what is asked for.
 
     Args:
-        run: what is put out. options: of the command. outputs: closes them. lines: where the page's address is written.
+        run: what is put out.
+        options: of the command.
+        outputs: closes them.
+        lines: where the page's address is written.
 
     Raises:
         EndcapError: an output that cannot begin.

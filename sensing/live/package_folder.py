@@ -32,7 +32,10 @@ def package_command(module: str, description: str, sources: Path, arguments: Seq
     """The command line of one that writes packages; returns the exit status.
 
     Args:
-        module: that is run. description: for ``--help``. sources: folder of the packages. arguments: words of the user.
+        module: that is run.
+        description: for ``--help``.
+        sources: folder of the packages.
+        arguments: words of the user.
     """
     parser = argparse.ArgumentParser(
         prog=program(f"python -m {module}"),

@@ -37,8 +37,10 @@ class Turn:
     """One way through the recording.
 
     Attributes:
-        number: counts up. from_s: moment from which pictures are shown. since: pictures of turns before this one are no
-            longer wanted; a turn that follows the end of another lets it finish.
+        number: counts up.
+        from_s: moment from which pictures are shown.
+        since: pictures of turns before this one are no longer wanted; a turn that follows the end of another lets it
+            finish.
     """
 
     number: int
@@ -50,14 +52,19 @@ class Playback:
     """Where a replay stands, shared by the feeds of its endcaps; everything may be called from any thread.
 
     Args:
-        path: of the recording. speed: 1 is its own pace, 0 as fast as it can be computed. at_end: behind the last
-            picture. from_s: moment to begin at. paused: show the first picture and wait.
+        path: of the recording.
+        speed: 1 is its own pace, 0 as fast as it can be computed.
+        at_end: behind the last picture.
+        from_s: moment to begin at.
+        paused: show the first picture and wait.
 
     Attributes:
-        timeline, pictures: of the recording. at_end, paused: as asked for.
+        timeline, pictures: of the recording.
+        at_end, paused: as asked for.
 
     Raises:
-        FileError: no recording. ParameterError: a speed or moment out of range.
+        FileError: no recording.
+        ParameterError: a speed or moment out of range.
     """
 
     def __init__(
@@ -140,7 +147,9 @@ class Playback:
         """Wait until a picture is due; None when it is no longer wanted.
 
         Args:
-            moment_s: of the picture. turn: that it was read for. at_once: even while paused.
+            moment_s: of the picture.
+            turn: that it was read for.
+            at_once: even while paused.
         """
         with self._changed:
             while not self._over and turn is self._turn:

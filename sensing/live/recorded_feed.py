@@ -37,8 +37,11 @@ class ReplayFeed(FileFeed):
     """Frames of one endcap of a recording; hands over references when they are due.
 
     Args:
-        path: recording. endcap: name. playback: shared. set_zero: takes a reference and what the frames before have
-            left, and starts anew, in the thread that takes the frames.
+        path: recording.
+        endcap: name.
+        playback: shared.
+        set_zero: takes a reference and what the frames before have left, and starts anew, in the thread that takes the
+            frames.
     """
 
     def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero, Kept], None], playback: Playback) -> None:
@@ -126,8 +129,10 @@ def replay_endcaps(
     """Endcaps that read from a recording, keeping step with one another.
 
     Args:
-        path: of the recording. config: what is to run. playback: of that file, for these endcaps alone. models: model
-            of an endcap; None for those of the configuration.
+        path: of the recording.
+        config: what is to run.
+        playback: of that file, for these endcaps alone.
+        models: model of an endcap; None for those of the configuration.
 
     Raises:
         EndcapError: a model or recording that cannot be used, or a camera of another size than its pictures.

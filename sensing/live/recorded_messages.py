@@ -30,7 +30,9 @@ def zero_in(path: Path, endcap: str, message: Message, noise: Message | None = N
     """The reference of a ``zero`` message.
 
     Args:
-        path: of the recording. endcap: name. message: of that topic.
+        path: of the recording.
+        endcap: name.
+        message: of that topic.
         noise: the ``zero_error_px`` that goes with it; None where it is yet to come, or in recordings of before.
     """
     try:
@@ -44,7 +46,9 @@ def with_error(path: Path, zero: Zero, message: Message) -> Zero:
     """A reference with how much its dots scatter, of a ``zero_error_px`` message.
 
     Args:
-        path: of the recording. zero: the reference. message: of that topic.
+        path: of the recording.
+        zero: the reference.
+        message: of that topic.
     """
     error_px = float(_decoded(path, ros.FLOAT64, message).data)
     if not 0 <= error_px < min(zero.image.shape[:2]):
@@ -61,7 +65,10 @@ def picture_in(path: Path, endcap: str, message: Message, time_s: float) -> Fram
     """A picture as it came, also one that no camera should give: the pipeline says of it what it said live.
 
     Args:
-        path: of the recording. endcap: name. message: of a topic of pictures. time_s: its capture time.
+        path: of the recording.
+        endcap: name.
+        message: of a topic of pictures.
+        time_s: its capture time.
     """
     reported = _decoded(path, ros.IMAGE, message)
     data, sequence = bytes(reported.data), message.sequence
@@ -82,7 +89,9 @@ def time_in(path: Path, topic: str, message: Message) -> float:
     """The capture time of a message, s.
 
     Args:
-        path: of the recording. topic: of the message, for the line that names it. message: a number.
+        path: of the recording.
+        topic: of the message, for the line that names it.
+        message: a number.
     """
     value = float(_decoded(path, ros.FLOAT64, message).data)
     if not abs(value) < LATEST_S or math.isnan(value):
@@ -107,8 +116,10 @@ def read_message(path: Path, kind: str, message: Message, read: Callable[[Any], 
     """What a function makes of a message.
 
     Args:
-        path: of the recording. kind: ROS type. message: of that type. read: its ValueError, KeyError or TypeError is
-            damage.
+        path: of the recording.
+        kind: ROS type.
+        message: of that type.
+        read: its ValueError, KeyError or TypeError is damage.
     """
     reported = _decoded(path, kind, message)
     try:

@@ -52,8 +52,10 @@ class Recorded:
     """One picture of a recording.
 
     Attributes:
-        frame: as it was captured. zero: reference that is used from this frame on; None to keep the one before.
-        stamp_ns: of its message. kept: of the frames before, where a reference comes.
+        frame: as it was captured.
+        zero: reference that is used from this frame on; None to keep the one before.
+        stamp_ns: of its message.
+        kept: of the frames before, where a reference comes.
     """
 
     frame: Frame
@@ -67,8 +69,10 @@ class Check:
     """A recording computed again.
 
     Attributes:
-        frames: compared. different: those whose wrench differs in any bit. end: why the file could not be read to its
-            end; None if it could. largest_n: largest difference of a force.
+        frames: compared.
+        different: those whose wrench differs in any bit.
+        end: why the file could not be read to its end; None if it could.
+        largest_n: largest difference of a force.
     """
 
     frames: int
@@ -83,7 +87,8 @@ def read_config(
     """What ran when the file was recorded.
 
     Args:
-        path: of the recording. model, weights, method: instead of those recorded; None keeps them.
+        path: of the recording.
+        model, weights, method: instead of those recorded; None keeps them.
 
     Raises:
         FileError: no recording of ours, or one without pictures where model or method need them.
@@ -110,7 +115,9 @@ def require_pictures(path: Path, what: str, held: Pictures | None = None) -> Non
     """Refuse a recording of dots for what needs whole pictures.
 
     Args:
-        path: of the recording. what: that is asked for. held: its pictures, if they are known already.
+        path: of the recording.
+        what: that is asked for.
+        held: its pictures, if they are known already.
 
     Raises:
         FileError: it holds dots instead of pictures.
@@ -142,10 +149,13 @@ def recorded_frames(path: Path, endcap: str, start: Start = WHOLE) -> Iterator[R
     """Pictures of an endcap in the order of recording.
 
     Args:
-        path: of the recording. endcap: name. start: where to begin; the first picture then comes with its reference.
+        path: of the recording.
+        endcap: name.
+        start: where to begin; the first picture then comes with its reference.
 
     Raises:
-        FileError: missing, or no MCAP. DamagedError, CutError: after the pictures that can be read.
+        FileError: missing, or no MCAP.
+        DamagedError, CutError: after the pictures that can be read.
     """
     zero = None if start.zero is None else zero_in(path, endcap, start.zero, start.zero_error)
     kept = NOTHING_KEPT if start.kept is None else kept_in(path, start.kept)
@@ -179,7 +189,9 @@ def recorded_wrenches(path: Path, endcap: str, start: Start = WHOLE) -> list[np.
     """(6,) filtered wrench of every frame of an endcap, as recorded, as far as the file can be read.
 
     Args:
-        path: of the recording. endcap: name. start: as for :func:`recorded_frames`.
+        path: of the recording.
+        endcap: name.
+        start: as for :func:`recorded_frames`.
     """
     found = []
     try:
@@ -195,7 +207,9 @@ def verify(path: Path, config: LiveConfig, models: Models | None = None, from_s:
     """Compute everything again and compare.
 
     Args:
-        path: of the recording. config: what is to run. models: model of an endcap; None for those of the configuration.
+        path: of the recording.
+        config: what is to run.
+        models: model of an endcap; None for those of the configuration.
         from_s: begin as a replay does that is sent to this moment; frames before it are not compared.
     """
     models, check = models or configured_models(config), Check(0, 0)

@@ -34,9 +34,12 @@ class LiveRun:
     """Everything that a page or a command may look at or ask for while it runs.
 
     Attributes:
-        config: what runs. engine: the loop. latest: newest readings. playback: of a replay; None of anything else.
-        notes: lines for the terminal beside those of the endcaps. losses: what was asked for and is not whole; each
-            says so in a line, or nothing.
+        config: what runs.
+        engine: the loop.
+        latest: newest readings.
+        playback: of a replay; None of anything else.
+        notes: lines for the terminal beside those of the endcaps.
+        losses: what was asked for and is not whole; each says so in a line, or nothing.
     """
 
     def __init__(
@@ -122,8 +125,11 @@ def run_until_stopped(
     Recordings are closed before cameras; all ends within two seconds of a signal, whatever hangs.
 
     Args:
-        run: not yet started. stream: for the lines. more: outputs to close before the summary. stop: what signals set,
-            if the caller listens to them already.
+        run: not yet started.
+        stream: for the lines.
+        seconds: duration of the run; None runs to the end of the sources.
+        more: outputs to close before the summary.
+        stop: what signals set, if the caller listens to them already.
     """
     lines = stream if isinstance(stream, Lines) else Lines(stream)
     run.stop_when(lambda: lines.gone)

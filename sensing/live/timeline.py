@@ -24,9 +24,11 @@ class Start:
     """Where to begin with one endcap.
 
     Attributes:
-        byte: of the chunk; 0 for the file's own begin. from_ns: stamp of the first message that counts.
-        zero: message with the reference in use there; None where the first is yet to come. zero_error: message with
-            how much its dots scatter. kept: message with what the frames before have left; None where there is none.
+        byte: of the chunk; 0 for the file's own begin.
+        from_ns: stamp of the first message that counts.
+        zero: message with the reference in use there; None where the first is yet to come.
+        zero_error: message with how much its dots scatter.
+        kept: message with what the frames before have left; None where there is none.
         topics: of the file's channels, by number.
     """
 
@@ -68,7 +70,8 @@ class Timeline:
         """Where to begin so that the first picture is that of a moment.
 
         Args:
-            endcap: its name. moment_s: 0 or less for the begin.
+            endcap: its name.
+            moment_s: 0 or less for the begin.
 
         Raises:
             FileError: the file is damaged before the moment.

@@ -43,7 +43,8 @@ class Recording:
 
     Args:
         folder: a new one, or one that a recording of the same endcap and mounting began.
-        params: the endcap. mount: of the force/torque sensor.
+        params: the endcap.
+        mount: of the force/torque sensor.
         silicone: row of cad/materials.csv that the endcap is cast of.
 
     Raises:

@@ -70,12 +70,16 @@ class NetFt:
     """An ATI NetFT that streams while the context is open.
 
     Args:
-        host, port: of the unit. counts_per_n, counts_per_nm: of its configuration. rate_hz: of its F/T sequence; None
-            to find it out. delay_s: of a sample on its way; None to take half the answer time.
-        timeout_s: silence after which the unit counts as gone. clock: monotonic seconds.
+        host, port: of the unit.
+        counts_per_n, counts_per_nm: of its configuration.
+        rate_hz: of its F/T sequence; None to find it out.
+        delay_s: of a sample on its way; None to take half the answer time.
+        timeout_s: silence after which the unit counts as gone.
+        clock: monotonic seconds.
 
     Attributes:
-        faulty: packets of another size, and samples with an error. errors: samples by what the unit said was wrong.
+        faulty: packets of another size, and samples with an error.
+        errors: samples by what the unit said was wrong.
 
     Raises:
         StreamError: the unit cannot be reached.

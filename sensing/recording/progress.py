@@ -14,8 +14,10 @@ class Progress:
     """A context; its thread writes also while the camera or the sensor lets everything wait.
 
     Attributes:
-        frames, rest, written, unpaired, damaged, waiting: counts so far. rest_wanted: untouched frames that are needed.
-        force_n: norm of the last force written. samples: of the force sensor.
+        frames, rest, written, unpaired, damaged, waiting: counts so far.
+        rest_wanted: untouched frames that are needed.
+        force_n: norm of the last force written.
+        samples: of the force sensor.
     """
 
     def __init__(self, rest_wanted: int, stream: TextIO | None = None) -> None:

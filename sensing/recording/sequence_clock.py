@@ -36,7 +36,8 @@ class SequenceClock:
     """One sensor's clock.
 
     Args:
-        rate_hz: counts a second; None to find it out. delay_s: on the way, of every sample.
+        rate_hz: counts a second; None to find it out.
+        delay_s: on the way, of every sample.
     """
 
     def __init__(self, rate_hz: float | None = None, delay_s: float = 0.0) -> None:

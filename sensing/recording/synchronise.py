@@ -50,8 +50,8 @@ class Synchroniser:
         """Take a sample; one of equal time replaces the last.
 
         Args:
-            sample: the next that came. unread_s: for so long nobody read the stream, which keeps only some of what
-                comes meanwhile.
+            sample: the next that came.
+            unread_s: for so long nobody read the stream, which keeps only some of what comes meanwhile.
 
         Raises:
             ClockError: earlier than the last by more than the slop, later by over ``unread_s`` and a second, or not

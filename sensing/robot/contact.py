@@ -37,9 +37,13 @@ class Contact:
 
     Attributes:
         touching: whether it touches; None where the sample leaves that open.
-        known: whether the numbers below count. force_n: (3,) on the endcap. normal: (3,) unit, out of the endcap.
-        push_n: along the normal. ratio: tangential over normal force. use: coefficient of friction that this needs
-            beside the torque about the normal. spin_m: that torque over the push.
+        known: whether the numbers below count.
+        force_n: (3,) on the endcap.
+        normal: (3,) unit, out of the endcap.
+        push_n: along the normal.
+        ratio: tangential over normal force.
+        use: coefficient of friction that this needs beside the torque about the normal.
+        spin_m: that torque over the push.
         normal_sd, ratio_sd, use_sd: standard deviations (rad, 1).
     """
 
@@ -64,7 +68,9 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     """Read one sample.
 
     Args:
-        sample: of the endcap. endcap: its number. layout, settings: of the estimator.
+        sample: of the endcap.
+        endcap: its number.
+        layout, settings: of the estimator.
     """
     force = np.asarray(sample.force_n, float)
     torque = np.asarray(sample.torque_nm, float)

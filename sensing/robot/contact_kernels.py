@@ -19,7 +19,8 @@ def line_of_action_slopes(wrench, radius, spin_lever):
     """Where the line of action enters the sphere, and how much friction is in use there.
 
     Args:
-        wrench: (6,) on the endcap about the sphere's centre, N and N m. radius: outer radius, m.
+        wrench: (6,) on the endcap about the sphere's centre, N and N m.
+        radius: outer radius, m.
         spin_lever: torque about the normal that a newton of push holds, m.
 
     Returns:

@@ -30,7 +30,9 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
     """Take one reading.
 
     Args:
-        state: of the sample's time, is changed. endcap: its number. sample: the reading.
+        state: of the sample's time, is changed.
+        endcap: its number.
+        sample: the reading.
         layout, settings: of the estimator.
     """
     contact = contact_of(sample, endcap, layout, settings)
@@ -56,7 +58,9 @@ def release(state: State, endcap: int, layout: Layout) -> None:
     """Forget an anchor.
 
     Args:
-        state: is changed. endcap: its number. layout: of the robot.
+        state: is changed.
+        endcap: its number.
+        layout: of the robot.
     """
     at = layout.anchor(endcap)
     state.anchored[endcap], state.slips[endcap] = 0, 0.0
@@ -149,7 +153,10 @@ def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) ->
     anchor a moves by da/dt = -c r t R |w|. The creep c is a part of the state, so that its error is one in all anchors.
 
     Args:
-        state: is changed. endcap: its number. turned_m: (3,) r t R |w| times the time. layout: of the robot.
+        state: is changed.
+        endcap: its number.
+        turned_m: (3,) r t R |w| times the time.
+        layout: of the robot.
     """
     at = layout.anchor(endcap)
     state.anchor[endcap] -= turned_m * state.creep[0]

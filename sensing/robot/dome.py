@@ -18,7 +18,8 @@ class DomeCentre:
     """Where the centre of an unloaded dome would be, by the contact that it has.
 
     Attributes:
-        lever_m: (3,) from the bar's reference point, bar axes. softens_m: (3,) by which a softness of one moves it.
+        lever_m: (3,) from the bar's reference point, bar axes.
+        softens_m: (3,) by which a softness of one moves it.
     """
 
     lever_m: Array
@@ -33,7 +34,9 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     1 / k = (1 + b) ``compliance_m_n``: the softness b is a part of the state, so that its error is one in all domes.
 
     Args:
-        state: with its velocities and the contact's normal. endcap: its number. contact: its force.
+        state: with its velocities and the contact's normal.
+        endcap: its number.
+        contact: its force.
         layout, settings: of the estimator.
     """
     bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
@@ -48,7 +51,10 @@ def unloaded(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> t
     """Where the centre of an unloaded dome is.
 
     Args:
-        state: of the bars. endcap: its number. centre: of it. layout: of the robot.
+        state: of the bars.
+        endcap: number of the endcap.
+        centre: of its sphere.
+        layout: of the robot.
 
     Returns:
         (3,) world, m, (3, N) slopes of its error, less the turn of the leading bar.

@@ -19,10 +19,12 @@ class BarEstimate:
     """One bar.
 
     Attributes:
-        name: of the bar. T_world_bar: (4, 4) m.
-        velocity_m_s: (3,) of the bar's origin, world axes. rate_rad_s: (3,) angular velocity, world axes.
-        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity. rate_covariance: (3, 3) of the
-            angular velocity.
+        name: of the bar.
+        T_world_bar: (4, 4) m.
+        velocity_m_s: (3,) of the bar's origin, world axes.
+        rate_rad_s: (3,) angular velocity, world axes.
+        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity.
+        rate_covariance: (3, 3) of the angular velocity.
     """
 
     name: str
@@ -38,7 +40,10 @@ class Hold:
     """How an endcap meets its support, as probabilities that sum to 1; NaN where no reading says.
 
     Attributes:
-        holds: touches and stays. rolls: without slip. slips: its skin moves over the support. free: touches nothing.
+        holds: touches and stays.
+        rolls: without slip.
+        slips: its skin moves over the support.
+        free: touches nothing.
     """
 
     holds: float
@@ -58,9 +63,13 @@ class EndcapEstimate:
     """One endcap.
 
     Attributes:
-        name: of the endcap. centre_m: (3,) centre of its sphere, world. covariance: (3, 3) of it.
+        name: of the endcap.
+        centre_m: (3,) centre of its sphere, world.
+        covariance: (3, 3) of it.
         hold: how it meets its support.
-        contact_m: (3,) where it touches, world. normal: (3,) unit, out of the support, world. normal_sd_rad: of it.
+        contact_m: (3,) where it touches, world.
+        normal: (3,) unit, out of the support, world.
+        normal_sd_rad: standard deviation of the normal's direction, rad.
         force_n: (3,) on the endcap, world axes.
         friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as all after ``hold``.
     """
@@ -85,8 +94,8 @@ class Health:
         lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately: below 1
             where it is right, since variances hold errors that stay, too.
         weight_ratio: sum of the vertical forces over the weight, lately; NaN while the robot accelerates.
-        rejected: lengths that did not fit, of the last sample. ignored: samples with NaN, with numbers that no sensor
-            measures, or too old, since the start.
+        rejected: lengths that did not fit, of the last sample.
+        ignored: samples with NaN, with numbers that no sensor measures, or too old, since the start.
         notes: what is missing or does not fit, one line each.
     """
 
@@ -108,9 +117,11 @@ class RobotEstimate:
     """The robot at one time.
 
     Attributes:
-        time_s: for which it holds. measured_s: of the newest sample that it uses.
+        time_s: for which it holds.
+        measured_s: of the newest sample that it uses.
         bars, endcaps: in the order of the description.
-        centre_of_mass_m: (3,) world. centre_of_mass_covariance: (3, 3).
+        centre_of_mass_m: (3,) world.
+        centre_of_mass_covariance: (3, 3).
         friction, friction_sd: coefficient of friction of the supports as learned until now.
         softness, softness_sd: part by which the domes yield more than ``Settings.compliance_m_n`` says, as learned
             until now. Forces measured too small by that part look the same.

@@ -33,10 +33,13 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 @dataclass
 class _Progress:
-    """What is gathered before the start, and the state after it; both while samples come again after a silence.
+    """Measurements gathered before the start, and the state after it; both after a silence of the sensors.
 
     Attributes:
-        stands: whether the robot stood still while it was gathered. began_s: time of the first state; NaN before.
+        gathered: None while no start is being prepared.
+        state: of the filter; None before the first start.
+        stands: whether the robot stood still while it was gathered.
+        began_s: time of the first state; NaN before.
     """
 
     gathered: Gathered | None
@@ -53,7 +56,8 @@ class RobotEstimator:
     """Estimates one robot from its samples; deterministic: the same samples give the same bits.
 
     Args:
-        robot: its description. settings: what is assumed of sensors and contacts.
+        robot: its description.
+        settings: what is assumed of sensors and contacts.
 
     Raises:
         ParameterError: a description that cannot be estimated (two inertial sensors on a bar, no stated ends).

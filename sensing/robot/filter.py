@@ -30,7 +30,8 @@ class Filter:
     """Moves a :class:`sensing.robot.state.State` from sample to sample.
 
     Args:
-        layout: of the robot. settings: what is assumed.
+        layout: of the robot.
+        settings: what is assumed.
     """
 
     def __init__(self, layout: Layout, settings: Settings) -> None:
@@ -46,7 +47,9 @@ class Filter:
         """Move the state to a time and take all samples of that time.
 
         Args:
-            state: is changed. time_s: not before the state's. samples: inertial ones, then lengths, then endcaps.
+            state: is changed.
+            time_s: not before the state's.
+            samples: inertial ones, then lengths, then endcaps.
         """
         if state.held_s or unmeasured(state, time_s, self.layout):
             return self._hold(state, time_s, samples)
@@ -82,7 +85,9 @@ class Filter:
         """Move the state to a time.
 
         Args:
-            state: is changed. time_s: not before the state's. samples: inertial ones of that time.
+            state: is changed.
+            time_s: not before the state's.
+            samples: inertial ones of that time.
         """
         step = time_s - state.time_s
         rate, force = state.rate.copy(), state.force.copy()
@@ -185,7 +190,8 @@ class Filter:
         """Take the lengths of the cables.
 
         Args:
-            state: of the sample's time, is changed. sample: of all measured cables.
+            state: of the sample's time, is changed.
+            sample: of all measured cables.
         """
         layout = self.layout
         length, slopes = length_slopes(
@@ -225,7 +231,9 @@ def apply(state: State, change: Array, leader: int) -> None:
     """Add a correction to the state.
 
     Args:
-        state: is changed. change: (N,). leader: bar whose turn the errors of places refer to.
+        state: is changed.
+        change: (N,).
+        leader: bar whose turn the errors of places refer to.
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,

@@ -42,8 +42,10 @@ class FirstShape:
     """Residuals of the shape, each over its standard deviation, and the poses that make them least.
 
     Args:
-        lengths: (C,) of the measured cables, NaN where unknown. force: (3,) of the leader's accelerometer, bar axes,
-            NaN where unknown. contacts: of the endcaps by number. layout, settings: of the estimator.
+        lengths: (C,) of the measured cables, NaN where unknown.
+        force: (3,) of the leader's accelerometer, bar axes, NaN where unknown.
+        contacts: of the endcaps by number.
+        layout, settings: of the estimator.
     """
 
     def __init__(

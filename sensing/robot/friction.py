@@ -28,7 +28,8 @@ def slip_probability(weights: Array, ratio: float, ratio_sd: float) -> float:
     """That a contact at a friction ratio slips.
 
     Args:
-        weights: (59,) of the coefficients. ratio, ratio_sd: as measured.
+        weights: (59,) of the coefficients.
+        ratio, ratio_sd: as measured.
     """
     spread = np.hypot(SPREAD * (0.3 + COEFFICIENTS), ratio_sd)
     return float(weights @ _logistic((ratio - (1 - SPREAD) * COEFFICIENTS) / spread))
@@ -38,7 +39,9 @@ def learned(weights: Array, ratio: float, ratio_sd: float, slips: float) -> Arra
     """The distribution after one more sample.
 
     Args:
-        weights: (59,) before. ratio, ratio_sd: as measured. slips: probability that the contact slips.
+        weights: (59,) before.
+        ratio, ratio_sd: as measured.
+        slips: probability that the contact slips.
     """
     spread = np.hypot(SPREAD * (0.3 + COEFFICIENTS), ratio_sd)
     away = (COEFFICIENTS - ratio) / spread

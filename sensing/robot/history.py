@@ -45,7 +45,8 @@ class History(Generic[T]):
     """A bounded past of samples and states.
 
     Args:
-        first: state before any sample. take: moves a state, in place, by the samples of one time.
+        first: state before any sample.
+        take: moves a state, in place, by the samples of one time.
         length_s: how late a sample may come.
     """
 

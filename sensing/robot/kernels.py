@@ -34,7 +34,8 @@ def turned_by(turn, x, y, z):
     """A rotation turned by a vector: exp([x y z] x) turn.
 
     Args:
-        turn: (3, 3). x, y, z: rad.
+        turn: (3, 3).
+        x, y, z: rad.
     """
     angle = math.sqrt(x * x + y * y + z * z)
     if angle > 1e-7:
@@ -78,14 +79,23 @@ def predict_step(
     """Move the state by a time step, in place.
 
     Args:
-        covariance: (N, N). turn: (B, 3, 3) bar to world. place, velocity: (B, 3) of each bar's reference point.
-        anchor, normal: (E, 3) world. anchored: (E,) whether its anchor counts. rate, force: (B, 3) angular velocity and
-            specific force without bias, bar axes. has_force: (B,) 1 where the bar has an accelerometer, 2 where it
-            follows that of the leading bar, 0 where nothing is known. leader: that bar.
-        endcap_bar: (E,) bar of each endcap. radius: (E,) m. roll: (E,) 1 where the sphere rolls.
+        covariance: (N, N).
+        turn: (B, 3, 3) bar to world.
+        place, velocity: (B, 3) of each bar's reference point.
+        anchor, normal: (E, 3) world.
+        anchored: (E,) whether its anchor counts.
+        rate, force: (B, 3) angular velocity and specific force without bias, bar axes.
+        has_force: (B,) 1 where the bar has an accelerometer, 2 where it follows that of the leading bar, 0 where
+            nothing is known.
+        leader: that bar.
+        endcap_bar: (E,) bar of each endcap.
+        radius: (E,) m.
+        roll: (E,) 1 where the sphere rolls.
         noise: (B, 3) variances a second: rate, velocity, leader's force (in all that follow it).
-        walk: (B, 2) of the biases. fade: (B,) 1/s by which those of gyroscopes decay; the caller's decay with them.
-        step_s: time. gravity: m/s^2.
+        walk: (B, 2) of the biases.
+        fade: (B,) 1/s by which those of gyroscopes decay; the caller's decay with them.
+        step_s: time.
+        gravity: m/s^2.
     """
     bars, endcaps, size = len(turn), len(anchor), len(covariance)
     at, blocks = np.zeros((8 * bars + 4 * endcaps, 2), np.int64), np.zeros((8 * bars + 4 * endcaps, 3, 3))

@@ -19,14 +19,20 @@ class Layout:
     A bar's reference point, whose place and velocity are estimated, is its accelerometer, else its centre of mass.
 
     Attributes:
-        robot: the description. leader: bar whose accelerometer all others follow.
+        robot: the description.
+        leader: bar whose accelerometer all others follow.
         reference_m: (B, 3) reference points, bar frame.
-        sensor_of_bar: names, None for a bar without. sensor_turn: (B, 3, 3) sensor axes to bar axes.
+        sensor_of_bar: names, None for a bar without.
+        sensor_turn: (B, 3, 3) sensor axes to bar axes.
         has_force: (B,) whether it has an accelerometer.
-        cable_bars: (C, 2) of the measured cables. cable_levers: (C, 2, 3) from the reference points.
-        endcap_bar: (E,). endcap_lever: (E, 3) sphere's centre from the reference point, bar axes.
-        endcap_turn: (E, 3, 3) endcap axes to bar axes. radius_m, centre_height_m: (E,).
-        mass_lever: (B, 3) centre of mass from the reference point. mass_kg: (B,).
+        cable_bars: (C, 2) of the measured cables.
+        cable_levers: (C, 2, 3) from the reference points.
+        endcap_bar: (E,).
+        endcap_lever: (E, 3) sphere's centre from the reference point, bar axes.
+        endcap_turn: (E, 3, 3) endcap axes to bar axes.
+        radius_m, centre_height_m: (E,).
+        mass_lever: (B, 3) centre of mass from the reference point.
+        mass_kg: (B,).
     """
 
     robot: TensegrityRobot

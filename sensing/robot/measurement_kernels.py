@@ -16,7 +16,9 @@ def update_step(covariance, slopes, innovation, variance, limit, found):
     """Take measurements one after the other; the covariance changes in place.
 
     Args:
-        covariance: (N, N). slopes: (M, N). innovation, variance: (M,) of independent measurements; NaN is left out.
+        covariance: (N, N).
+        slopes: (M, N).
+        innovation, variance: (M,) of independent measurements; NaN is left out.
         limit: squared innovation over its variance above which a measurement is left out.
         found: (M,) receives that ratio; negative where the measurement was left out.
 
@@ -59,8 +61,11 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
     """Add the error state to the state, in place.
 
     Args:
-        change: (N,). turn, place, velocity, anchor, normal: as in :func:`predict_step`. rate_bias, force_bias: (B, 3).
-        creep, softness: (1,). leader: bar whose turn the errors of places refer to.
+        change: (N,).
+        turn, place, velocity, anchor, normal: as in :func:`predict_step`.
+        rate_bias, force_bias: (B, 3).
+        creep, softness: (1,).
+        leader: bar whose turn the errors of places refer to.
     """
     bars = len(turn)
     lx, ly, lz = change[3 * leader], change[3 * leader + 1], change[3 * leader + 2]
@@ -94,8 +99,11 @@ def point_slopes(turn, place, bar, lever, leader, size):
     """Where a point of a bar is, and its slopes after the error state.
 
     Args:
-        turn, place: of the bars. bar: which. lever: (3,) from its reference point, bar axes. leader: bar whose turn
-            the errors of places refer to. size: N.
+        turn, place: of the bars.
+        bar: which.
+        lever: (3,) from its reference point, bar axes.
+        leader: bar whose turn the errors of places refer to.
+        size: N.
 
     Returns:
         (3,) world, (3, N).
@@ -116,8 +124,11 @@ def length_slopes(turn, place, pairs, levers, leader, size):
     """Cable lengths and their slopes after the error state.
 
     Args:
-        turn, place: of the bars. pairs: (C, 2) bars of each cable. levers: (C, 2, 3) attachments from the reference
-            points, bar axes. leader: as in :func:`point_slopes`. size: N.
+        turn, place: of the bars.
+        pairs: (C, 2) bars of each cable.
+        levers: (C, 2, 3) attachments from the reference points, bar axes.
+        leader: as in :func:`point_slopes`.
+        size: N.
 
     Returns:
         (C,) m, (C, N).

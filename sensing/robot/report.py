@@ -36,8 +36,11 @@ def report_of(
     """The record of a state.
 
     Args:
-        state: of the filter. measured_s: of the newest sample in it. ignored: samples left out so far.
-        impossible: a line for each sensor whose numbers were lately beyond any. layout, settings: of the estimator.
+        state: of the filter.
+        measured_s: of the newest sample in it.
+        ignored: samples left out so far.
+        impossible: a line for each sensor whose numbers were lately beyond any.
+        layout, settings: of the estimator.
     """
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()

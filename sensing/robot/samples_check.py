@@ -53,7 +53,8 @@ class SampleCheck:
         """The sample, lengths that no cable has as NaN; None for numbers that are NaN or that no sensor measures.
 
         Args:
-            sample: any. newest_s: of all samples so far.
+            sample: any.
+            newest_s: of all samples so far.
 
         Raises:
             ParameterError: it is not one of this robot's, has another form, or another clock.

@@ -23,8 +23,10 @@ class KnownContact:
     """What a simulation knows of one contact, for ``Contacts.KNOWN``.
 
     Attributes:
-        time_s: of a reading of the same endcap. endcap: its name.
-        holds: whether it touches and does not slip. normal: (3,) unit, out of the endcap, endcap frame.
+        time_s: of a reading of the same endcap.
+        endcap: its name.
+        holds: whether it touches and does not slip.
+        normal: (3,) unit, out of the endcap, endcap frame.
     """
 
     time_s: float
@@ -46,33 +48,40 @@ class Settings:
         rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
         rate_bias_sd, force_bias_sd: of the biases at the start.
         shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
-        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)), at most. unknown_rate_share,
-            unknown_rate_least: where two others or more measure, it is at most this many times their rates' root mean
-            square (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
+        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)), at most.
+        unknown_rate_share, unknown_rate_least: where two others or more measure, it is at most this many times their
+            rates' root mean square (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
         spin_noise: of the angular velocity of a bar without gyroscope (rad/s^2/sqrt(Hz)), which is a part of the state.
-            spin_share, spin_least: where two others or more measure, it is at most this many times their root mean
-            square rate (1/s/sqrt(Hz)), and so much more. spin_stays_s: time in which that velocity decays.
+        spin_share, spin_least: where two others or more measure, it is at most this many times their root mean square
+            rate (1/s/sqrt(Hz)), and so much more.
+        spin_stays_s: time in which that velocity decays.
         relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
             (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
-        length_sd_m: of a cable's length, independent from sample to sample. length_error_m: what stays for a second.
-        compliance_m_n: by which an endcap yields under a newton. compliance_share: error of it, as a part,
-            of each contact alone. softness_sd: of the part by which all domes yield more, which is learned.
-            softness_stays_s: time in which it is forgotten: what domes yield depends on where they are pressed, too.
+        length_sd_m: of a cable's length, independent from sample to sample.
+        length_error_m: what stays for a second.
+        compliance_m_n: by which an endcap yields under a newton.
+        compliance_share: error of it, as a part, of each contact alone.
+        softness_sd: of the part by which all domes yield more, which is learned.
+        softness_stays_s: time in which it is forgotten: what domes yield depends on where they are pressed, too.
         yield_delay_s: by which the yielding lags the force: the dome's damping over its stiffness.
-        anchor_sd_m: of a contact beside the compliance. error_stays_s: how long errors of a contact stay.
+        anchor_sd_m: of a contact beside the compliance.
+        error_stays_s: how long errors of a contact stay.
         bit_sd_m: of a contact of which only the bit is known.
-        roll_share: error of the rolled distance, as a part of it. anchor_walk: by which a contact that holds creeps
-            (m/sqrt(s)). creep_sd: of the creep, which is learned: by what part of the arc through which it turns a
-            contact creeps against the friction force, at a friction ratio of one.
+        roll_share: error of the rolled distance, as a part of it.
+        anchor_walk: by which a contact that holds creeps (m/sqrt(s)).
+        creep_sd: of the creep, which is learned: by what part of the arc through which it turns a contact creeps
+            against the friction force, at a friction ratio of one.
         slip_gain: by which the mean speed of a contact that slips exceeds that of its steady slip (contact, Notes):
             slips are short and have a long tail.
         slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
-            slip_across: of it, across the friction force.
+        slip_across: standard deviation of that speed across the friction force over the one along it.
         spin_lever_m: torque about the normal that a newton of push holds.
-        normal_sd: error of a measured normal that does not average out. normal_walk: rad/sqrt(s).
+        normal_sd: error of a measured normal that does not average out.
+        normal_walk: rad/sqrt(s).
         least_force_n: below it nothing is known of a contact but that it touches.
-        start_s: how long the robot stands still at the start. start_limit_s: after which the estimate begins though it
-            moves. late_s: within which nearly all samples of the start have come; there is no estimate before.
+        start_s: how long the robot stands still at the start.
+        start_limit_s: after which the estimate begins though it moves.
+        late_s: within which nearly all samples of the start have come; there is no estimate before.
         history_s: how late a sample may come.
     """
 

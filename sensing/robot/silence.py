@@ -28,7 +28,9 @@ def unmeasured(state: State, time_s: float, layout: Layout) -> bool:
     """Whether the leading bar's inertial sensor has been silent for too long.
 
     Args:
-        state: of the filter. time_s: not before the state's. layout: of the robot.
+        state: of the filter.
+        time_s: not before the state's.
+        layout: of the robot.
     """
     leader = layout.leader
     return bool(time_s - max(state.rate_s[leader], state.force_s[leader]) > HELD_AFTER_S)
@@ -41,7 +43,9 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
     them counts as doubtful from then on.
 
     Args:
-        state: is changed. step_s: time. silent: (B,) bars whose gyroscope was heard before and is not now.
+        state: is changed.
+        step_s: time.
+        silent: (B,) bars whose gyroscope was heard before and is not now.
     """
     if silent.sum() > 1:
         state.unseen_s += step_s
@@ -77,7 +81,9 @@ def hold(state: State, time_s: float, layout: Layout) -> None:
     """Keep the pose until a time, and let its covariance grow.
 
     Args:
-        state: is changed. time_s: not before the state's. layout: of the robot.
+        state: is changed.
+        time_s: not before the state's.
+        layout: of the robot.
     """
     if state.held_s == 0.0:
         for endcap in range(layout.endcaps):
@@ -94,7 +100,9 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     """Move a first state to the place and heading that were held, as well as these are known.
 
     Args:
-        state: new, is changed. held: until then. layout: of the robot.
+        state: new, is changed.
+        held: until then.
+        layout: of the robot.
     """
     turn = held.turn[layout.leader] @ state.turn[layout.leader].T
     angle = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])

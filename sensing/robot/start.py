@@ -44,12 +44,18 @@ class Gathered:
     """Means of what was measured while the robot stands.
 
     Attributes:
-        tried_s: time of the first sample of all, NaN before; that of this start is first_s.
-        rate, force: (B, 3) weighted sums, bar axes. lengths: (C,). counts: (B, 2) sums of the weights of rates and
-            forces, length_counts: (C,) of lengths. squares: (B,) of squared rates.
-        sums: (B, 3) of rates, without weights. turned: (B, 3) weighted sum of these sums, turned_squares: (B,) of
-            their squares.
-        halves: (2, C) sums of the lengths in the first and the second half of the start. half_counts: (2, C).
+        tried_s: time of the first sample since the estimator began, s; NaN before.
+        first_s: time of the first sample of this start, s.
+        rate, force: (B, 3) weighted sums, rad/s and m/s2, bar axes.
+        counts: (B, 2) sums of the weights of rates and of forces.
+        lengths: (C,) weighted sums of the cables' lengths, m.
+        length_counts: (C,) sums of the weights of lengths.
+        squares: (B,) weighted sums of squared rates.
+        sums: (B, 3) sums of rates, without weights.
+        turned: (B, 3) weighted sums of ``sums`` at every sample.
+        turned_squares: (B,) weighted sums of their squared norms.
+        halves: (2, C) sums of the lengths in the first and the second half of the start.
+        half_counts: (2, C).
         heard_s: (B, 2) times of the last rates and forces; -inf without.
         contacts: last one of each endcap.
     """
@@ -83,7 +89,8 @@ def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
     """Before the first sample of a start.
 
     Args:
-        layout: of the robot. tried_s: time of the first sample of all.
+        layout: of the robot.
+        tried_s: time of the first sample of all.
     """
     bars, cables = layout.bars, len(layout.cable_bars)
     return Gathered(
@@ -97,7 +104,11 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
     """Add an inertial sample, or cable lengths.
 
     Args:
-        gathered: is changed. time_s: of the sample. bar: of an inertial sample. layout, settings: of the estimator.
+        gathered: is changed.
+        time_s: of the sample.
+        bar: number of the bar of an inertial sample.
+        sample: of an inertial sensor, or of the cables' lengths.
+        layout, settings: of the estimator.
     """
     part = (time_s - gathered.first_s) / settings.start_s
     weight = max(6 * part * (1 - part), 0.01)
@@ -126,7 +137,8 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     """Whether these samples, or the lengths gathered so far, are of a robot that does not stand still.
 
     Args:
-        gathered: so far. samples: of one time.
+        gathered: so far.
+        samples: of one time.
     """
     more = ROCKS_MORE if gathered.first_s - gathered.tried_s > ROCKS_AFTER_S else 1.0
     for sample in samples:
@@ -157,7 +169,9 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     """Set the first state.
 
     Args:
-        state: empty, of the time, is changed. gathered: while the robot stood. layout, settings: of the estimator.
+        state: empty, of the time, is changed.
+        gathered: while the robot stood.
+        layout, settings: of the estimator.
         stands: False for a robot that moves as the estimate begins.
     """
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -20,26 +20,40 @@ class State:
     """State of the filter; arrays are changed in place, and copied by :meth:`copy`.
 
     Attributes:
-        time_s: for which it holds. covariance: (N, N) of the error state (:mod:`sensing.robot.kernels`).
-        turn: (B, 3, 3) bar to world. place, velocity: (B, 3) of the reference points. rate_bias, force_bias: (B, 3).
-        anchor: (E, 3) where the sphere's centre would be without load, world. normal: (E, 3) out of the support.
-        normal_variance: (E,) rad^2. anchored: (E,) whether the anchor counts.
-        slips: (E,) probability. creep: (1,) of endcaps that turn under load
-            (:func:`sensing.robot.contacts.move_by_creep`). softness: (1,) part by which domes yield more than
-            ``Settings.compliance_m_n`` says, or forces are measured too small.
-        rate, force: (B, 3) last samples, bar axes. rate_s, force_s: (B,) their times. rate_over_s: (B,) time over
-            which the last rate is a mean; inf where none is known.
+        time_s: for which it holds.
+        covariance: (N, N) of the error state (:mod:`sensing.robot.kernels`).
+        turn: (B, 3, 3) bar to world.
+        place, velocity: (B, 3) of the reference points.
+        rate_bias, force_bias: (B, 3).
+        anchor: (E, 3) where the sphere's centre would be without load, world.
+        normal: (E, 3) out of the support.
+        normal_variance: (E,) rad^2.
+        anchored: (E,) whether the anchor counts.
+        slips: (E,) probability.
+        creep: (1,) of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
+        softness: (1,) part by which domes yield more than ``Settings.compliance_m_n`` says, or forces are measured too
+            small.
+        rate, force: (B, 3) last samples, bar axes.
+        rate_s, force_s: (B,) their times.
+        rate_over_s: (B,) time over which the last rate is a mean; inf where none is known.
         rate_used, force_used: (B, 3) their integrals since.
-        contact_s: (E,) time of the last reading whose numbers counted. reading_s: (E,) of any. lengths_s: of lengths.
+        contact_s: (E,) time of the last reading whose numbers counted.
+        reading_s: (E,) of any.
+        lengths_s: of lengths.
         astray_s: (E,) time since which an endcap that touches reports wrenches of no contact on its dome; NaN for none.
-        contacts: last reading of each endcap. friction: (59,) weights of the coefficients.
-        consistency: (2,) mean squared innovation over its variance, lengths and anchors. weight_ratio: lately.
-        rejected: lengths of the last sample. known: what a simulation knows of each contact.
-        held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
-            again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
-            of the endcaps whose force was unknown then. began_unmeasured: numbers of the bars whose gyroscope was
-            silent then. began_unbalanced: whether no shape balanced the forces then. unseen_s: for how long several
-            gyroscopes were silent at once.
+        contacts: last reading of each endcap.
+        friction: (59,) weights of the coefficients.
+        consistency: (2,) mean squared innovation over its variance, lengths and anchors.
+        weight_ratio: lately.
+        rejected: lengths of the last sample.
+        known: what a simulation knows of each contact.
+        held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`).
+        anew_s: when it was found again; -inf without.
+        began_moving: whether the robot moved as the estimate began.
+        began_silent: numbers of the endcaps whose force was unknown then.
+        began_unmeasured: numbers of the bars whose gyroscope was silent then.
+        began_unbalanced: whether no shape balanced the forces then.
+        unseen_s: for how long several gyroscopes were silent at once.
     """
 
     time_s: float

@@ -69,7 +69,7 @@ class Simulator:
     """A shell ready for scenes at one level; meshes and tangents are built when first needed and kept.
 
     Args:
-        geometry, law: the shell. density: of the mesh.
+        geometry, law, density: the shell, its silicone, and the density of its mesh.
         level: 1 to 4 (see the module's text).
         tolerance: of level 2.
         library: what level 4 answers from (:mod:`sensing.simulator.reduced.library_fit`).
@@ -117,7 +117,8 @@ class Simulator:
         """States along a path from the untouched shell, one for each target.
 
         Args:
-            scene: what presses. targets: where each step ends, in order.
+            scene: what presses.
+            targets: where each step ends, in order.
             began_s: when the shell was last untouched, on the path's clock, s.
 
         Raises:
@@ -158,7 +159,9 @@ class Simulator:
         """A function that goes from state to state, for a path that is not known beforehand; never from the library.
 
         Args:
-            scene: what presses. half: the path will stay in the mirror plane. began_s: time at which it starts.
+            scene: what presses.
+            half: the path will stay in the mirror plane.
+            began_s: time at which it starts.
         """
         press = Press(self._shell.model(half), scene.indenter, scene.friction, self.prony)
         fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
@@ -185,12 +188,15 @@ class Simulator:
         States out of the library's range, or with too large an estimate, are solved on level 2, one by one.
 
         Args:
-            tilt_deg: polar angles of first contact (s,). normal_n: (s,), N.
+            tilt_deg: polar angles of first contact (s,).
+            normal_n: (s,), N.
             tangential_n: along (meridian, lateral) (s, 2), N.
-            friction: Coulomb's mu. azimuth_deg: of the contact, one for all.
+            friction: Coulomb's mu.
+            azimuth_deg: of the contact, one for all.
 
         Raises:
-            ParameterError: the simulator has no library. Refusal: a state that no level can answer.
+            ParameterError: the simulator has no library.
+            Refusal: a state that no level can answer.
         """
         if self._library is None:
             raise ParameterError(
@@ -222,7 +228,9 @@ class Simulator:
         """Displacement (m, 3) that tracked windows show of the dots: the mean of rings round them, as a camera sees.
 
         Args:
-            state: of the scene. camera: that sees the dots. azimuth_deg: of the contact.
+            state: of the scene.
+            camera: that sees the dots.
+            azimuth_deg: of the contact.
         """
         return shown_mm(self.geometry, self._shell.outlines(azimuth_deg).sample(state.surface_mm), camera)
 
@@ -246,10 +254,8 @@ class Simulator:
         return self._reduced[indenter, half]
 
     def _answer(self, press: Press, state: State) -> SceneState:
-        patch = contact_patch(press.model, state)
-        if press.model.half:
-            patch = patch.mirrored()
-        certificate = state.certificate
+        half = contact_patch(press.model, state)
+        patch = half.mirrored() if press.model.half else half
         return SceneState(
             level=state.level,
             depth_mm=state.depth_mm,
@@ -262,7 +268,7 @@ class Simulator:
             slip_share=patch.slip_share,
             error_estimate=_error_estimate(state),
             patch=patch,
-            certificate=certificate,
+            certificate=state.certificate,
         )
 
 
@@ -278,11 +284,7 @@ def _in_mirror_plane(target: Target) -> bool:
 
 
 def _require_in_level(level: int, prony: Prony, interlock: float) -> None:
-    """Refuse what a level leaves out.
-
-    Raises:
-        ParameterError: rate effects on a fitted level, an interlock on the library's.
-    """
+    """Refuse rate effects on a fitted level, and an interlock on the library's."""
     if prony and level not in RATE_LEVELS:
         raise ParameterError(
             f"level={level} has no rate effects: choose {' or '.join(map(str, RATE_LEVELS))}, or leave prony out",

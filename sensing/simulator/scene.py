@@ -29,8 +29,8 @@ class SceneState:
         tangential_n: force on the shell along (meridian, lateral).
         wrench: on the endcap at its origin (6,), N and N mm.
         surface_mm: displacement of :attr:`sensing.simulator.levels.Simulator.surface` (k, 3).
-        patch_mm2: area in contact, whole shell. slip_share: share of the normal force on slipping points; NaN at
-            level 4.
+        patch_mm2: area in contact, whole shell.
+        slip_share: share of the normal force on slipping points; NaN at level 4.
         error_estimate: at levels 3 and 4 the expected relative rms error of the markers (level 3: against level 1 on
             the same mesh); at level 2 the certificate's residual, force imbalance over contact force, which is no error
             of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error

@@ -21,7 +21,8 @@ def shown_mm(geometry: ShellGeometry, moved_mm: Array, camera: MountedCamera) ->
     the dot and all of its outline, that mean itself.
 
     Args:
-        geometry: of the shell, with its m dots. camera: with its place.
+        geometry: of the shell, with its m dots.
+        camera: with its place.
         moved_mm: (m * OUTLINE_POINTS, 3) how :func:`sensing.simulator.solid.surface.outline_directions` move.
     """
     centre, radius = np.array(geometry.centre_mm), geometry.inner_radius_mm

@@ -92,9 +92,11 @@ def to_frame(
     """A frame from what the driver gave.
 
     Args:
-        data: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture. time_s: of capture. sequence: number of the
-            frame.
-        name: of the source. exposure, gain: as the driver states them; None where it does not.
+        data: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture.
+        time_s: of capture.
+        sequence: number of the frame.
+        name: of the source.
+        exposure, gain: as the driver states them; None where it does not.
     """
     if data.ndim == 2 and 1 in data.shape:
         jpeg = data.tobytes()

@@ -46,7 +46,8 @@ def random_degradation(level: str, rng: np.random.Generator, size: tuple[int, in
 
     Args:
         level: ``clean``; ``mild``, as a stable lamp and camera give; ``hard``, the worst that must be survived.
-        rng: draws the strengths. size: (width, height) of the picture, px.
+        rng: draws the strengths.
+        size: (width, height) of the picture, px.
 
     Raises:
         ParameterError: unknown level.
@@ -83,7 +84,9 @@ def degrade(image: Image, degradation: Degradation, rng: np.random.Generator) ->
     """The JPEG bytes of a picture after all disturbances, in the order light, lens, sensor.
 
     Args:
-        image: (H, W) or (H, W, 3) uint8. degradation: the disturbances. rng: of the noise.
+        image: (H, W) or (H, W, 3) uint8.
+        degradation: the disturbances.
+        rng: of the noise.
     """
     d = degradation
     height, width = image.shape[:2]

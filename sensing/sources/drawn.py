@@ -70,7 +70,9 @@ def project_px(point_mm: NDArray[np.floating], params: EndcapParams, drawing: Dr
     """(..., 2) pixels of points: r = f * angle from the axis, 90 degrees at the rim.
 
     Args:
-        point_mm: (..., 3), endcap frame. params: the design. drawing: size, centre and turn of the picture.
+        point_mm: (..., 3), endcap frame.
+        params: the design.
+        drawing: size, centre and turn of the picture.
     """
     point_mm = np.asarray(point_mm, float)
     lateral = np.hypot(point_mm[..., 0], point_mm[..., 1])

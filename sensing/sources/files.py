@@ -22,7 +22,9 @@ def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Fr
     """One picture file as a frame; JPEG stays compressed until someone decodes it at the size needed.
 
     Args:
-        path: of the file. sequence: number of the frame. time_s: its time.
+        path: of the file.
+        sequence: number of the frame.
+        time_s: its time.
 
     Raises:
         FileError: missing, unreadable, or no picture.

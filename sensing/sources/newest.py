@@ -94,7 +94,8 @@ class OnArrival:
     Raises what the source raises, when its last frame has been read.
 
     Args:
-        frames: of a camera. length: frames that wait for a reader that pauses; of more, the oldest are lost.
+        frames: of a camera.
+        length: frames that wait for a reader that pauses; of more, the oldest are lost.
     """
 
     def __init__(self, frames: Iterator[Frame], length: int = 64) -> None:
@@ -138,7 +139,8 @@ class LiveSource:
     Args:
         open_source: opens the source anew; may raise SourceError, which is retried.
         length: see :class:`NewestQueue`.
-        silent_s: no frame for this long is a fault. start_s: the same before the first one.
+        silent_s: no frame for this long is a fault.
+        start_s: no first frame for this long is a fault.
         retry_s: pause before opening again.
         reopen: False for a source that ends, such as a file.
         notify: called after every frame, and at the end, from the source's thread; must not wait.

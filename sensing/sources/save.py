@@ -52,7 +52,8 @@ def save_frame(word: str, path: Path, camera: CameraConfig | None = None) -> Fra
 
     Args:
         word: for :func:`sensing.sources.choose.source_opener`; of a folder or a video the first picture is taken.
-        path: of the picture; its suffix says the format. camera: mode and exposure of a camera.
+        path: of the picture; its suffix says the format.
+        camera: mode and exposure of a camera.
 
     Returns:
         The frame, with its size.

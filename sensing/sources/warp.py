@@ -73,7 +73,8 @@ def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -
     """The picture as seen after ``displacement``; beyond its frame the border is repeated.
 
     Args:
-        image: (H, W) or (H, W, 3). displacement: where each point goes, px.
+        image: (H, W) or (H, W, 3).
+        displacement: where each point goes, px.
         iterations: of the inverse of the displacement, at most.
 
     Notes:

@@ -67,7 +67,8 @@ def load_robot(path: Path = SHIPPED) -> TensegrityRobot:
     """Read and check the description of a robot.
 
     Raises:
-        FileError: missing, no TOML, an unknown or missing key. ParameterError: a value that no robot has.
+        FileError: missing, no TOML, an unknown or missing key.
+        ParameterError: a value that no robot has.
     """
     try:
         with path.open("rb") as stream:

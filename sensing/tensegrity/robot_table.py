@@ -21,7 +21,9 @@ class Table:
         """Take the values of a table.
 
         Args:
-            path: of the file. label: of the table, for messages. values: as the file states them.
+            path: of the file.
+            label: of the table, for messages.
+            values: as the file states them.
         """
         self.path, self.label, self.values = path, label, values
         self.known: set[str] = set()
@@ -57,7 +59,9 @@ class Table:
         """A finite number.
 
         Args:
-            key: of the value. default: where there is none. above, most: limits.
+            key: of the value.
+            default: where there is none.
+            above, most: limits.
         """
         value = _finite(self._get(key, default))
         if value is None:
@@ -72,7 +76,9 @@ class Table:
         """Numbers in a list.
 
         Args:
-            key: of the value. sizes: how many there may be. default: where there is none.
+            key: of the value.
+            sizes: how many there may be.
+            default: where there is none.
         """
         found = self._numbers(self._get(key, default))
         if found is None or len(found) not in sizes:
@@ -83,7 +89,9 @@ class Table:
         """(count, size) numbers in a list of lists.
 
         Args:
-            key: of the value. count: of lists. size: of each.
+            key: of the value.
+            count: of lists.
+            size: of each.
         """
         value = self._get(key, None)
         found = [self._numbers(row) for row in value] if isinstance(value, list) else []
@@ -136,7 +144,10 @@ def refuse(table: Table, key: str, value: object, reason: str) -> NoReturn:
     """Refuse a value.
 
     Args:
-        table: in which it stands. key: of the value. value: as the file states it. reason: why, and what is accepted.
+        table: in which it stands.
+        key: of the value.
+        value: as the file states it.
+        reason: why, and what is accepted.
 
     Raises:
         ParameterError: always.

@@ -15,8 +15,10 @@ class InertialSample:
     """One sample of an inertial sensor, in the sensor's own axes.
 
     Attributes:
-        time_s: capture time. sensor: name in the robot's description.
-        rate_rad_s: (3,) angular velocity. acceleration_m_s2: (3,) specific force (at rest: +g upward); None without.
+        time_s: capture time.
+        sensor: name in the robot's description.
+        rate_rad_s: (3,) angular velocity.
+        acceleration_m_s2: (3,) specific force (at rest: +g upward); None without.
     """
 
     time_s: float
@@ -30,7 +32,8 @@ class LengthSample:
     """Lengths of the measured cables.
 
     Attributes:
-        time_s: capture time. lengths_m: (C,) in the order of the measured cables; NaN where one is missing.
+        time_s: capture time.
+        lengths_m: (C,) in the order of the measured cables; NaN where one is missing.
     """
 
     time_s: float
@@ -42,7 +45,8 @@ class FootSample:
     """Wrench and contact of one endcap, as its live reading has them.
 
     Attributes:
-        time_s: capture time of the picture. endcap: name in the robot's description.
+        time_s: capture time of the picture.
+        endcap: name in the robot's description.
         force_n, torque_nm: (3,) on the endcap, at the origin of the endcap frame; NaN where the numbers do not count.
         covariance: (6, 6) of (force, torque); NaN where the model gives none.
         touching: whether it touches; None where that is not known.

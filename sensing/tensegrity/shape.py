@@ -30,7 +30,8 @@ class Shape:
     """Where the bars are, and what the cables do there.
 
     Attributes:
-        T_world_bar: (B, 4, 4) m. length_m, tension_n: (C,) of the cables.
+        T_world_bar: (B, 4, 4) m.
+        length_m, tension_n: (C,) of the cables.
     """
 
     T_world_bar: Array
@@ -42,7 +43,8 @@ def balanced_shape(robot: TensegrityRobot, T_world_bar: Array | None = None) -> 
     """The balanced shape nearest to a start.
 
     Args:
-        robot: its bars and cables. T_world_bar: (B, 4, 4) m, where to start; None for the ends that its bars state.
+        robot: its bars and cables.
+        T_world_bar: (B, 4, 4) m, where to start; None for the ends that its bars state.
 
     Raises:
         ParameterError: no start.
@@ -120,7 +122,8 @@ def cable_lengths(robot: TensegrityRobot, T_world_bar: Array) -> tuple[Array, Ar
     """((C,) m, (C, 6 B) derivative after the steps of :func:`moved`).
 
     Args:
-        robot: its bars and cables. T_world_bar: (B, 4, 4) m.
+        robot: its bars and cables.
+        T_world_bar: (B, 4, 4) m.
     """
     number = {bar.name: place for place, bar in enumerate(robot.bars)}
     places = np.array([[number[name] for name in cable.bars] for cable in robot.cables], int).reshape(-1, 2)

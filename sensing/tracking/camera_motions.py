@@ -43,7 +43,9 @@ class CameraMotions:
         """Those of dots at (N, 2) in an undeformed picture.
 
         Args:
-            place_px: of the dots. size: (width, height) of the picture. params: the design; None takes the released.
+            place_px: of the dots.
+            size: (width, height) of the picture.
+            params: the design; None takes the released.
 
         Raises:
             ParameterError: a picture that stands upright.
@@ -69,7 +71,8 @@ class CameraMotions:
         """The same, robust by rounds of trimming.
 
         Args:
-            moved_px: (N, 2). used: (N,) dots to fit to.
+            moved_px: (N, 2).
+            used: (N,) dots to fit to.
         """
         keep = used = used & self.known
         motion = np.zeros(moved_px.shape)

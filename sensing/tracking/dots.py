@@ -140,7 +140,9 @@ def _apart(blobs: NDArray[np.float64], usual: float, kept_px: float) -> NDArray[
     """Blobs without those that crowd another: of two too close, the one whose size is less usual is no dot.
 
     Args:
-        blobs: (N, 4) x, y, diameter, cut. usual: diameter, px. kept_px: dots of the design may lie as close as this.
+        blobs: (N, 4) x, y, diameter, cut.
+        usual: diameter, px.
+        kept_px: dots of the design may lie as close as this.
     """
     while len(blobs) > 3:
         nearest, other = nearest_other(blobs[:, :2])

@@ -17,7 +17,9 @@ def stretch_at_dots(gradient, moved, limit):
     """(N, 2, 2) d displacement_i / d x_j at the dots, cut to -limit..limit.
 
     Args:
-        gradient: (2 N, N) of the operator. moved: (N, 2) displacements. limit: largest size of a number.
+        gradient: (2 N, N) of the operator.
+        moved: (N, 2) displacements.
+        limit: largest size of a number.
     """
     count = len(moved)
     x, y = moved[:, 0].copy(), moved[:, 1].copy()
@@ -47,9 +49,11 @@ def add_surprise(cells, bend, predicted, stretch, least, scatters):
     and Stein do.
 
     Args:
-        cells: (2, H * W) float32, changed. bend: (2 N, H * W) of the operator. predicted, stretch: (N, 2, 2); a dot
-            whose measured stretch is NaN says nothing.
-        least: least contradiction that counts. scatters: or this many times the median one.
+        cells: (2, H * W) float32, changed.
+        bend: (2 N, H * W) of the operator.
+        predicted, stretch: (N, 2, 2); a dot whose measured stretch is NaN says nothing.
+        least: least contradiction that counts.
+        scatters: or this many times the median one.
     """
     count = len(stretch)
     square = np.zeros(count)

@@ -122,9 +122,11 @@ def field_operator(
     """Build the maps for one set of dots.
 
     Args:
-        reference_px: (N, 2) dots. size: (width, height) of the picture, px. shape: (H, W) of the field.
-        length_px: length of the kernel at a short side of 480 px. noise: relative to the variance of the kernel's local
-            part.
+        reference_px: (N, 2) dots.
+        size: (width, height) of the picture, px.
+        shape: (H, W) of the field.
+        length_px: length of the kernel at a short side of 480 px.
+        noise: relative to the variance of the kernel's local part.
 
     Raises:
         ParameterError: no dots, positions that are not finite, or a length or noise that is not positive.

@@ -129,7 +129,8 @@ def pooled_flow(
     """(u, v), each (H, W), from two pictures.
 
     Args:
-        reference, gray: (200, 200) gray pictures, before and after. shape: (H, W) of the field.
+        reference, gray: (200, 200) gray pictures, before and after.
+        shape: (H, W) of the field.
     """
     flow = cv2.calcOpticalFlowFarneback(reference, gray, None, *FARNEBACK)  # type: ignore[call-overload]
     blocks = CROP_PX // BLOCK_PX
@@ -144,7 +145,8 @@ def derived_channels(
     """Those of div, curl and the Helmholtz parts that ``names`` asks for, per cell.
 
     Args:
-        u, v: (H, W) each. names: channels wanted.
+        u, v: (H, W) each.
+        names: channels wanted.
     """
     found: dict[str, NDArray[np.floating]] = {}
     if "div" in names:

@@ -92,7 +92,8 @@ class ModelInput:
         """Third step of :meth:`update`: field of the tracks; all invalid while every dot is lost.
 
         Args:
-            tracks: of the frame. without: (n, 2) motion of the known dots in the nominal view that is taken out.
+            tracks: of the frame.
+            without: (n, 2) motion of the known dots in the nominal view that is taken out.
         """
         moved = self.motion(tracks)
         moved = np.where(np.isfinite(moved), moved, 0.0)
@@ -150,7 +151,8 @@ class ModelInput:
         """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view.
 
         Args:
-            pixels: (N, 2) of the real one. raised_mm: of the skin, outward, above the undeformed inner sphere.
+            pixels: (N, 2) of the real one.
+            raised_mm: of the skin, outward, above the undeformed inner sphere.
         """
         if self._camera is None:
             return pixels
@@ -187,7 +189,9 @@ def model_input(
         config: knobs of the tracker.
 
     Raises:
-        NoDotsError: the reference has no dots. FrameError: it cannot be decoded. ParameterError: a camera of another
+        NoDotsError: the reference has no dots.
+        FrameError: it cannot be decoded.
+        ParameterError: a camera of another
         picture size.
     """
     return ModelInput(DotTracker(reference, config, params=params), shape, params, camera, radial)

@@ -37,7 +37,9 @@ def similarity(before, after, lost, centre_x, centre_y):
     Complex numbers: after = a before + b with positions from the centre, a = scale exp(i turn); least squares.
 
     Args:
-        before, after: (N, 2) float64, px. lost: (N,) bool, left out. centre_x, centre_y: of the picture, px.
+        before, after: (N, 2) float64, px.
+        lost: (N,) bool, left out.
+        centre_x, centre_y: of the picture, px.
 
     Returns:
         Shift at the picture's centre, x and y, px; turn, rad; scale; third largest length that the fit leaves, px.
@@ -83,7 +85,10 @@ def fitted_change(moved, modes, used, before):
     """Least squares of three numbers to the motions of dots: moved = modes change.
 
     Args:
-        moved: (n, 2) float64, px. modes: (n, 2, 3) float64. used: (n,) bool. before: (3,) float64, another change.
+        moved: (n, 2) float64, px.
+        modes: (n, 2, 3) float64.
+        used: (n,) bool.
+        before: (3,) float64, another change.
 
     Returns:
         The change (3,), and third largest lengths, px: of what it leaves, of what ``before`` leaves, of the motions.

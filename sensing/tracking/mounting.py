@@ -53,7 +53,9 @@ class CommonMotion:
     """The motion of all dots since the reference that the mounting would explain best.
 
     Attributes:
-        shift_px: (2,) x, y of the similarity at the picture's centre. turn_rad: its rotation. scale: its scale.
+        shift_px: (2,) x, y of the similarity at the picture's centre.
+        turn_rad: its rotation.
+        scale: its scale.
         reach_px: how far the motion moves a dot: the similarity half of the picture's short side from its centre, at
             most; the camera the third farthest.
         residual_px: third largest dot motion that it leaves; one or two dots may be off for other reasons.
@@ -92,7 +94,8 @@ def beyond_noise_px(residual_px: float, error_px: float) -> float:
     """What the third largest motion that a fit leaves has beyond the dots' noise.
 
     Args:
-        residual_px: left by the fit. error_px: standard deviation of an axis of a dot at rest.
+        residual_px: left by the fit.
+        error_px: standard deviation of an axis of a dot at rest.
     """
     return math.sqrt(max(residual_px**2 - (NOISE_LEAVES * error_px) ** 2, 0.0))
 
@@ -106,7 +109,9 @@ def common_motion(
     """The motion that the dots have in common; None where under four of them are seen.
 
     Args:
-        tracks: the dots. params: the design; None takes the released. motions: of these dots, if they are known.
+        tracks: the dots.
+        params: the design; None takes the released.
+        motions: of these dots, if they are known.
         error_px: standard deviation of an axis of a dot at rest.
     """
     live = ~tracks.lost
@@ -150,7 +155,8 @@ class MountingWatch:
     hidden: few dots move as one beside any touch. The dots are those of one reference.
 
     Args:
-        params: the design; None takes the released. reason: to begin with, of a watch before this one.
+        params: the design; None takes the released.
+        reason: to begin with, of a watch before this one.
         error_px: standard deviation of an axis of a dot at rest; 0 where it is unknown.
 
     Attributes:
@@ -167,8 +173,9 @@ class MountingWatch:
         """The dots of one more picture.
 
         Args:
-            tracks: its dots. own_weight: looked for in the same dots: where it explains them, or leaves no more of
-                their motion than the mounting does, the endcap was turned; None where it is not looked for.
+            tracks: its dots.
+            own_weight: looked for in the same dots: where it explains them, or leaves no more of their motion than the
+                mounting does, the endcap was turned; None where it is not looked for.
         """
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)

@@ -49,7 +49,9 @@ class OwnWeight:
     """Watches the dots of one endcap against one reference.
 
     Args:
-        seen: gives the dots' motion in the nominal camera's view. params: design. silicone: of the skin.
+        seen: gives the dots' motion in the nominal camera's view.
+        params: design.
+        silicone: of the skin.
 
     Attributes:
         change_g: (3,) gravity in the skin's pose less that at the reference, as the dots have it, in units of 9.81
@@ -85,7 +87,9 @@ def own_weight_motion(seen: ModelInput, params: EndcapParams, silicone: Silicone
     """(n, 2, 3) motion of the known dots in the nominal view, px by 1 g along x, y, z of the endcap frame.
 
     Args:
-        seen: whose dots. params: design. silicone: of the skin.
+        seen: whose dots.
+        params: design.
+        silicone: of the skin.
     """
     points = seen.points_mm
     moved = own_weight_displacement(points - [0.0, 0.0, params.centre_height_mm], params, silicone)
@@ -102,7 +106,9 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
     """(n, 3, 3) displacement, mm, of points of the inner surface by 1 g along x, y, z.
 
     Args:
-        arm_mm: (n, 3) from the sphere's centre. params: design. silicone: of the skin.
+        arm_mm: (n, 3) from the sphere's centre.
+        params: design.
+        silicone: of the skin.
     """
     radius_mm = params.outer_radius_mm
     ratios = (params.wall_mm / radius_mm, (params.centre_height_mm - scaling.FLANGE_THICKNESS_MM) / radius_mm)

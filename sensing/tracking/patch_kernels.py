@@ -68,9 +68,12 @@ def align_windows(
     """Align the windows ``which``: overwrites displacement, stretch and quality.
 
     Args:
-        image: framed. centre, half, rows, shear, plain, energy: of :class:`sensing.tracking.patches.Patches`.
-        which: rows of the windows to treat. displacement (N, 2), stretch (N, 2, 2): start and result.
-        iterations: at most. stop_px: a step this small ends them.
+        image: framed.
+        centre, half, rows, shear, plain, energy: of :class:`sensing.tracking.patches.Patches`.
+        which: rows of the windows to treat.
+        displacement, stretch: (N, 2), px of the working picture, and (N, 2, 2); start and result.
+        iterations: at most.
+        stop_px: a step this small ends them.
         quality: (N,) zeros; receives the correlation, 0 where none is found.
     """
     side = 2 * half + 2

@@ -74,7 +74,8 @@ def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half:
     """Windows of a picture around positions; one with too little to see gets zero energy.
 
     Args:
-        image: as :func:`sensing.tracking.patch_kernels.smoothed` gives it. position: (N, 2) px, x and y.
+        image: as :func:`sensing.tracking.patch_kernels.smoothed` gives it.
+        position: (N, 2) px, x and y.
         half: half width of a window, px.
     """
     image = image[MARGIN:-MARGIN, MARGIN:-MARGIN]

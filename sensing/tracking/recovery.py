@@ -67,8 +67,9 @@ class WideSearch:
         """(N, 2) displacements with the lost dots searched for near their neighbours' prediction; live ones stay.
 
         Args:
-            image: framed working picture. moved: (N, 2) displacements, working pixels. live: (N,) dots that are not
-                lost.
+            image: framed working picture.
+            moved: (N, 2) displacements, working pixels.
+            live: (N,) dots that are not lost.
         """
         gone = np.flatnonzero(~live)
         place, score = np.zeros((len(live), CANDIDATES, 2)), np.zeros((len(live), CANDIDATES))

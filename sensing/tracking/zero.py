@@ -118,12 +118,14 @@ def take_zero(frames: Sequence[Frame], sensor: str = "endcap", params: EndcapPar
     """Average an interval without contact.
 
     Args:
-        frames: of the untouched sensor. sensor: its name.
+        frames: of the untouched sensor.
+        sensor: its name.
         params: its design, whose dots are looked for; None for dots that look like the released ones.
 
     Raises:
         ZeroError: fewer than three frames, sizes that differ, or dots that moved (then the offender is named).
-        NoDotsError: a frame without dots. ParameterError: pictures that stand upright.
+        NoDotsError: a frame without dots.
+        ParameterError: pictures that stand upright.
     """
     if len(frames) < LEAST_FRAMES:
         raise ZeroError(f"{len(frames)} frames: at least {LEAST_FRAMES} needed to separate rest from motion")
@@ -255,7 +257,10 @@ def measure_drift(
     """What has changed between the reference and a frame with its tracks.
 
     Args:
-        zero: the reference. frame: the later picture. tracks: its dots. gray: the frame, if it is decoded already.
+        zero: the reference.
+        frame: the later picture.
+        tracks: its dots.
+        gray: the frame, if it is decoded already.
         motion: what the dots have in common, if it is known already.
 
     Raises:

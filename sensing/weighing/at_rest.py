@@ -36,8 +36,10 @@ class Rest:
     """An interval at rest.
 
     Attributes:
-        wrench: (6,) median estimate, endcap frame. covariance: (6, 6) of a single estimate: errors repeat, so averaging
-            makes it no smaller. moved_n: between its halves. readings: how many.
+        wrench: (6,) median estimate, endcap frame.
+        covariance: (6, 6) of a single estimate: errors repeat, so averaging makes it no smaller.
+        moved_n: between its halves.
+        readings: how many.
     """
 
     wrench: Array

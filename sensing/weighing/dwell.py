@@ -50,11 +50,13 @@ class Dwell:
     """The result.
 
     Attributes:
-        terms: of the series, short times first. rest_n: median force before the weight, taken out of all that follows.
+        terms: of the series, short times first.
+        rest_n: median force before the weight, taken out of all that follows.
         level_n: corrected force in the dwell.
         before_n, after_n: root mean square of what creeps in the dwell and is left after it, without and with them.
         noise_n: of single readings, standard deviation.
-        used: (n,) bool, the readings that counted. corrected_n: (n,) force with the terms.
+        used: (n,) bool, the readings that counted.
+        corrected_n: (n,) force with the terms.
     """
 
     terms: tuple[Term, ...]
@@ -77,7 +79,8 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     """Terms that one dwell test shows.
 
     Args:
-        time_s: (n,) rising. force_n: (n,) the model's force along the load, positive under it; untouched at the start.
+        time_s: (n,) rising.
+        force_n: (n,) the model's force along the load, positive under it; untouched at the start.
         load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Raises:
@@ -148,7 +151,8 @@ def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> A
     """(terms, n) overstress that terms of strength one would have.
 
     Args:
-        time_s, force_n: (n,) of the curve. taus_s: relaxation time of each term.
+        time_s, force_n: (n,) of the curve.
+        taus_s: relaxation time of each term.
     """
     tau = np.asarray(taus_s, float)
     found, now = np.zeros((len(tau), len(time_s))), np.zeros((len(tau), 1))

@@ -31,11 +31,14 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     """Readings of all pictures, in order; of a cut or damaged recording those before, with a warning.
 
     Args:
-        endcap: its name, design and camera. source: file or folder. model: estimates the wrench.
+        endcap: its name, design and camera.
+        source: file or folder.
+        model: estimates the wrench.
 
     Raises:
-        FileError: nothing of that name, a camera or an address, no such endcap in a recording,
-            or a recording of another design. ParameterError: a camera file of another picture size.
+        FileError: nothing of that name, a camera or an address, no such endcap in a recording, or a recording of
+            another design.
+        ParameterError: a camera file of another picture size.
     """
     if is_camera_number(source) or source.startswith("http") or not os.path.exists(source) or _is_device(source):
         raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")

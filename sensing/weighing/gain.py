@@ -51,8 +51,11 @@ class Pose:
     """One known load.
 
     Attributes:
-        name: as the user knows it. load_n: (3,) force on the endcap. load_sd_n: standard deviation of its size.
-        force_n: (3,) what the model estimates with gain one. covariance: (3, 3) of that.
+        name: as the user knows it.
+        load_n: (3,) force on the endcap.
+        load_sd_n: standard deviation of its size.
+        force_n: (3,) what the model estimates with gain one.
+        covariance: (3, 3) of that.
     """
 
     name: str
@@ -77,7 +80,9 @@ class Gain:
     """The result.
 
     Attributes:
-        gain, sd: dimensionless. chi_square: of the residuals. freedom: degrees of freedom of that.
+        gain, sd: dimensionless.
+        chi_square: of the residuals.
+        freedom: degrees of freedom of that.
         residual_n: (n, 3) what is left of each pose.
     """
 

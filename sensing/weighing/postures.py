@@ -33,8 +33,10 @@ class Posture:
     """The robot standing still.
 
     Attributes:
-        name: as the user knows it. up: (3,) vertical, robot frame, any length.
-        force_n: (3,) of each endcap that carries load, robot frame, gain one. covariance: (3, 3) of each.
+        name: as the user knows it.
+        up: (3,) vertical, robot frame, any length.
+        force_n: (3,) of each endcap that carries load, robot frame, gain one.
+        covariance: (3, 3) of each.
     """
 
     name: str
@@ -48,7 +50,8 @@ class RobotGains:
     """The result.
 
     Attributes:
-        gain, sd: by endcap. chi_square, freedom: of the residuals.
+        gain, sd: by endcap.
+        chi_square, freedom: of the residuals.
     """
 
     gain: dict[str, float]
@@ -61,7 +64,9 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
     """Gains of all endcaps at once.
 
     Args:
-        postures: at least two. weight_n: of the robot, N. endcaps: names of those whose gain is wanted.
+        postures: at least two.
+        weight_n: of the robot, N.
+        endcaps: names of those whose gain is wanted.
 
     Raises:
         WeighingError: too few postures, an endcap that they do not show, or postures that contradict one another.
@@ -103,8 +108,12 @@ class _Fit:
     """Of p postures and k gains.
 
     Attributes:
-        gain: (k,). normal: (k, k) matrix. pull: (p, 3, k) forces over the residuals' covariance.
-        variance: (p, 3, 3) of the residuals. forces: (p, 3, k). covariance: (p, k, 3, 3) of the forces.
+        gain: (k,).
+        normal: (k, k) matrix.
+        pull: (p, 3, k) forces over the residuals' covariance.
+        variance: (p, 3, 3) of the residuals.
+        forces: (p, 3, k).
+        covariance: (p, k, 3, 3) of the forces.
     """
 
     gain: Array

@@ -37,7 +37,10 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
     """Read all postures, fit, and store a gain for every endcap that carried load.
 
     Args:
-        config: of the robot, with its weight. out: endcaps.toml. table: of postures. dry_run: store nothing.
+        config: of the robot, with its weight.
+        out: endcaps.toml.
+        table: of postures.
+        dry_run: store nothing.
         say: shows a line.
 
     Raises:

@@ -33,7 +33,9 @@ class Terms:
     """What holds for all poses of a session.
 
     Attributes:
-        tilt_deg, azimuth_deg: attitude. sd_g: of the scale, 0 for the usual one. gravity_m_s2: local.
+        tilt_deg, azimuth_deg: attitude.
+        sd_g: of the scale, 0 for the usual one.
+        gravity_m_s2: local.
 
     Raises:
         ParameterError: a gravity that no place on Earth has.
@@ -95,7 +97,9 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
     """Guide through as many poses as the user wants; one that is refused can be tried again.
 
     Args:
-        endcap: not yet started, without a gain. terms: attitude and scale. ask, say: the user.
+        endcap: not yet started, without a gain.
+        terms: attitude and scale.
+        ask, say: the user.
 
     Raises:
         EndcapError: no reference, or a load while it should be untouched.
@@ -132,7 +136,9 @@ def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
     """Load and reading of one pose.
 
     Args:
-        request: weight and attitude. rest: the interval at rest under it. gravity_m_s2: at this place.
+        request: weight and attitude.
+        rest: the interval at rest under it.
+        gravity_m_s2: at this place.
 
     Raises:
         WeighingError: a model that gives no covariance.

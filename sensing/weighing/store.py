@@ -12,7 +12,9 @@ def gain_entries(endcap: EndcapConfig, gain: float, sd: float, digest: str) -> d
     """What a weighing changes of an endcap.
 
     Args:
-        endcap: as it is in the file. gain, sd: dimensionless. digest: of the model's weights.
+        endcap: as it is in the file.
+        gain, sd: dimensionless.
+        digest: of the model's weights.
     """
     date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     entries: dict[str, Any] = {"gain": float(f"{gain:.5g}"), "gain_sd": float(f"{sd:.3g}")}

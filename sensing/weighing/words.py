@@ -82,7 +82,8 @@ def parse_weight_g(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> float:
     """A weight in g: a plain number is in g, others carry their unit (g, kg, lb, N).
 
     Args:
-        text: as typed. gravity_m_s2: local; a force in N is that of so many g there.
+        text: as typed.
+        gravity_m_s2: local; a force in N is that of so many g there.
 
     Raises:
         ParameterError: no number, or an unknown unit.
@@ -102,7 +103,8 @@ def parse_pose(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> PoseRequest:
     """``tilt=0,grams=1000,azimuth=0,sd=5,source=FILE``; a comma within the file's name is no problem at the end.
 
     Args:
-        text: as typed. gravity_m_s2: local.
+        text: as typed.
+        gravity_m_s2: local.
 
     Raises:
         ParameterError: another form, a key twice or unknown, a value out of range.

@@ -29,7 +29,9 @@ class CameraSpread:
     """Covariance of the wrench that comes from the camera.
 
     Args:
-        seen: the path from picture to field. model: reads the field. camera: assumed by ``seen``, with a covariance.
+        seen: the path from picture to field.
+        model: reads the field.
+        camera: assumed by ``seen``, with a covariance.
 
     Raises:
         ParameterError: a camera without covariance.

@@ -39,9 +39,11 @@ class ContactThreshold:
     """Force norms at which contact begins and ends.
 
     Attributes:
-        on_n: contact begins at or above. off_n: contact ends below.
+        on_n: contact begins at or above.
+        off_n: contact ends below.
         rate: stated false positives per frame.
-        samples: independent samples behind it. extrapolated: whether the tail's law was needed.
+        samples: independent samples behind it.
+        extrapolated: whether the tail's law was needed.
     """
 
     on_n: float
@@ -62,8 +64,11 @@ class ContactState:
     """Answer of one frame.
 
     Attributes:
-        time_s: capture time. touching: contact or not; of an unusable frame the last known answer.
-        since_s: when that began. force_n: norm of the force. known: False for a frame that could not be judged.
+        time_s: capture time.
+        touching: contact or not; of an unusable frame the last known answer.
+        since_s: when that began.
+        force_n: norm of the force.
+        known: False for a frame that could not be judged.
     """
 
     time_s: float
@@ -123,7 +128,8 @@ class ContactDetector:
     """Contact of one endcap over time, with hysteresis.
 
     Args:
-        threshold: of this endcap. touching: whether it begins in contact.
+        threshold: of this endcap.
+        touching: whether it begins in contact.
 
     Attributes:
         touching: as of the last frame that was judged.

@@ -41,8 +41,11 @@ def line_of_action(
     """Where the line of a force enters the sphere.
 
     Args:
-        force: (3,) N. torque: (3,) N m about the sphere's centre. radius_mm: of the sphere. centre_height_mm: its
-            centre's z. load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+        force: (3,) N.
+        torque: (3,) N m about the sphere's centre.
+        radius_mm: of the sphere.
+        centre_height_mm: its centre's z.
+        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
 
     Notes:
         Torque t of a force f at r is r x f. The line's foot is r0 = f x t / |f|^2, and r = r0 - sqrt(R^2 - |r0|^2)

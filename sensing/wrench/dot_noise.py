@@ -29,7 +29,8 @@ def noise_covariance(seen: ModelInput, model: WrenchModel, error_px: float) -> A
     """(6, 6) to add to the covariance of a wrench about the sphere's centre; zero where training had as much noise.
 
     Args:
-        seen: the path from picture to field. model: reads the field.
+        seen: the path from picture to field.
+        model: reads the field.
         error_px: standard deviation of an axis of a dot at rest, full-size px.
     """
     tracker, unit = seen.tracker, min(seen.tracker.size) / 480.0

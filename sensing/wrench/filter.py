@@ -49,7 +49,8 @@ class Motion:
     """How a force may move; a torque moves likewise, as that of a force with an arm of ``ARM_M``.
 
     Attributes:
-        walk: noise density of the value, N^2/s. acceleration: of the rate, N^2/s^3.
+        walk: noise density of the value, N^2/s.
+        acceleration: of the rate, N^2/s^3.
         start_rate: standard deviation of the first rate, N/s; 0, without acceleration: no rate at all.
         steady: so slow that a measurement's error repeats, but for :attr:`FilterConfig.scatter`.
     """

@@ -19,8 +19,11 @@ def predict(state, covariance, step, walk, density):
     """States and covariances of M motions after a ``step``.
 
     Args:
-        state: (M, 2, 6) values and rates. covariance: (M, 3, 6) of values, with rates, of rates. step: s.
-        walk: (M, 6) noise density of the value, N^2/s. density: (M, 6) of the rate, N^2/s^3 (torques: N m for N).
+        state: (M, 2, 6) values and rates.
+        covariance: (M, 3, 6) of values, with rates, of rates.
+        step: s.
+        walk: (M, 6) noise density of the value, N^2/s.
+        density: (M, 6) of the rate, N^2/s^3 (torques: N m for N).
     """
     value, spread = state.copy(), covariance.copy()
     for m in range(len(state)):
@@ -38,8 +41,12 @@ def mode_probabilities(weight, state, covariance, measured, noise, memory, least
     """Weights (M, 6) after a measurement, before it is taken in: Bayes' rule with a fading past, none at zero.
 
     Args:
-        weight: (M, 6) before. state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,).
-        noise: (M, 6) variances that a motion counts on. memory: part of the logarithm of a weight that lasts.
+        weight: (M, 6) before.
+        state: (M, 2, 6).
+        covariance: (M, 3, 6).
+        measured: (6,).
+        noise: (M, 6) variances that a motion counts on.
+        memory: part of the logarithm of a weight that lasts.
         least: least weight, before they are scaled to sum 1.
     """
     count, probability = len(weight), np.empty(weight.shape)
@@ -71,7 +78,10 @@ def correct(state, covariance, measured, noise, surprise, rates, limit):
     by ``rates`` first; where that of an axis is beyond a motion's own ``limit``, this value of this motion is.
 
     Args:
-        state: (M, 2, 6). covariance: (M, 3, 6). measured: (6,). noise: (M, 6) variances that a motion counts on.
+        state: (M, 2, 6).
+        covariance: (M, 3, 6).
+        measured: (6,).
+        noise: (M, 6) variances that a motion counts on.
         surprise: limit of the normalised square.
         rates: (M, 6) variances that the rates are widened by.
         limit: (M,) limits of the normalised square of one axis.
@@ -104,7 +114,9 @@ def mixture(weight, state, covariance, common):
     """Value (6,) and variance (6,) of all motions together, how far they are apart included.
 
     Args:
-        weight: (M, 6). state: (M, 2, 6). covariance: (M, 3, 6).
+        weight: (M, 6).
+        state: (M, 2, 6).
+        covariance: (M, 3, 6).
         common: (M, 6) variances of values beside those of ``covariance``, such as what repeats from frame to frame.
     """
     value, variance = np.zeros(6), np.zeros(6)
@@ -123,10 +135,12 @@ def came_true(past_s, past, first, following, time_s, measured, variance, horizo
     """What of the changes predicted a delay ago has come, for every delay.
 
     Args:
-        past_s: (R,) times of predictions, number n at place n % R. past: (R, 2, 6) values and rates predicted from.
+        past_s: (R,) times of predictions, number n at place n % R.
+        past: (R, 2, 6) values and rates predicted from.
         first, following: numbers of the oldest prediction and of the one after the newest.
         time_s, measured, variance: of the measurement, (6,) each.
-        horizons_s: (H,) delays, rising. sums: (2, H, 2) of x y and of x x over forces and torques; faded and added to.
+        horizons_s: (H,) delays, rising.
+        sums: (2, H, 2) of x y and of x x over forces and torques; faded and added to.
         law: (memory in s, caution, pseudo-count, noise) of :mod:`sensing.wrench.trend`.
 
     Returns:

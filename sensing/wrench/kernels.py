@@ -24,12 +24,16 @@ def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, 
     """Answer of the network of :mod:`sensing.learning.net` for one field, and how unlike those of training it is.
 
     Args:
-        x: (D,) float64, finite. cells: (D,) float32, 1 for cells that count. linear: (6, D) float32.
-        principal: (K, D) float32. pattern: (K, D) float64, the field that each principal part stands for. gram: (K, K)
-            float64, their inner products.
+        x: (D,) float64, finite.
+        cells: (D,) float32, 1 for cells that count.
+        linear: (6, D) float32.
+        principal: (K, D) float32.
+        pattern: (K, D) float64, the field that each principal part stands for.
+        gram: (K, K) float64, their inner products.
         mean: layers of the perceptron that bends the answer: first (M, K) and (M,), those after it (L, M, M) and
             (L, M), float32, the last (6, M) float64, in N and N m.
-        spread: layers of the other: six. scale: (6,) float64 of the standard deviations.
+        spread: layers of the other: six.
+        scale: (6,) float64 of the standard deviations.
         tracking: (7,) float64: standard deviations that tracking adds, and force by which half of them is there, N.
         limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
 
@@ -150,7 +154,9 @@ def input_of(channels, valid, cells):
     """What the network reads of a field.
 
     Args:
-        channels: (2, H, W) float32 shear, px. valid: (H, W) bool. cells: (H, W) bool, those that count.
+        channels: (2, H, W) float32 shear, px.
+        valid: (H, W) bool.
+        cells: (H, W) bool, those that count.
 
     Returns:
         (2 H W,) float64 with zero for what is not finite, its largest size, the number of valid cells, and of those
@@ -172,7 +178,9 @@ def contact_angles(wrenches, radius_mm, least_n):
     """Answer of :func:`sensing.wrench.range.contact_angle_deg`.
 
     Args:
-        wrenches: (N, 6) contiguous float64, N and N m. radius_mm: of the sphere. least_n: with less force it is 0.
+        wrenches: (N, 6) contiguous float64, N and N m.
+        radius_mm: of the sphere.
+        least_n: with less force it is 0.
     """
     angle = np.zeros(len(wrenches))
     for n in range(len(wrenches)):
@@ -185,8 +193,10 @@ def beyond(wrenches, covariances, radius_mm, least_n, limits):
     """Answer of :meth:`sensing.wrench.range.Range.is_beyond`.
 
     Args:
-        wrenches: (N, 6) contiguous float64, N and N m. covariances: (N, 6, 6) contiguous.
-        radius_mm: of the sphere. least_n: with less force the contact's angle is 0.
+        wrenches: (N, 6) contiguous float64, N and N m.
+        covariances: (N, 6, 6) contiguous.
+        radius_mm: of the sphere.
+        least_n: with less force the contact's angle is 0.
         limits: largest force in N, angle in degrees, and standard deviation of a force in N.
     """
     force_n, tilt_deg, spread_n = limits

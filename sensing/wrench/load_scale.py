@@ -20,7 +20,8 @@ def load_scale(wall_mm: float, shear_mpa: float) -> float:
     """Force that is to an endcap what 1 N is to D=130 T=8 in the default silicone, N.
 
     Args:
-        wall_mm: thickness of its wall. shear_mpa: shear modulus of its silicone.
+        wall_mm: thickness of its wall.
+        shear_mpa: shear modulus of its silicone.
     """
     return shear_mpa * wall_mm**2 / (silicone().neo_hooke().shear_mpa * RELEASED_WALL_MM**2)
 

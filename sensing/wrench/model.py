@@ -50,8 +50,11 @@ class WrenchModel:
 
     Attributes:
         weights: tensors by name (:mod:`sensing.wrench.tensors`), float32.
-        design: the endcap it is for. method: field method that it was trained with. shape: (H, W) of the field.
-        range: what training covered. about: provenance and metrics (plain JSON).
+        design: the endcap it is for.
+        method: field method that it was trained with.
+        shape: (H, W) of the field.
+        range: what training covered.
+        about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
 
     Raises:

@@ -88,7 +88,8 @@ class PaperEstimator:
     """Shear fields in, wrenches out as the released nodes publish them.
 
     Args:
-        model: the network. threshold_n: force norm under which the whole wrench is published as zero.
+        model: the network.
+        threshold_n: force norm under which the whole wrench is published as zero.
     """
 
     def __init__(self, model: PaperModel, threshold_n: float = SIX_CAMERA_THRESHOLD_N) -> None:

@@ -48,9 +48,12 @@ class PlaneContact:
     """A plane's contact; NaN where there is none.
 
     Attributes:
-        position_mm: (3,) centre of pressure, endcap frame. normal: (3,) unit, out of the endcap.
-        position_covariance: (3, 3) mm^2. normal_covariance: (3, 3), radians^2.
-        friction_use: tangential over normal force: no coefficient of friction is smaller. friction_use_sd: of it.
+        position_mm: (3,) centre of pressure, endcap frame.
+        normal: (3,) unit, out of the endcap.
+        position_covariance: (3, 3) mm^2.
+        normal_covariance: (3, 3), radians^2.
+        friction_use: tangential over normal force: no coefficient of friction is smaller.
+        friction_use_sd: standard deviation of ``friction_use``.
     """
 
     position_mm: Array
@@ -106,7 +109,8 @@ class PlaneContactLaw:
     """The law for one design and silicone.
 
     Args:
-        params: the design. shear_mpa: shear modulus of its silicone.
+        params: the design.
+        shear_mpa: shear modulus of its silicone.
     """
 
     def __init__(self, params: EndcapParams, shear_mpa: float) -> None:
@@ -142,7 +146,9 @@ def pressure_point(force: Array, torque: Array, normal: Array, height_mm: float)
     """(3,) centre of pressure on a plane, from the sphere's centre.
 
     Args:
-        force: (3,) N. torque: (3,) N mm about the sphere's centre. normal: (3,) of the plane, out of the endcap.
+        force: (3,) N.
+        torque: (3,) N mm about the sphere's centre.
+        normal: (3,) of the plane, out of the endcap.
         height_mm: of the plane over the sphere's centre.
     """
     push = -float(force @ normal)

@@ -19,8 +19,10 @@ def plane_solution(wrench, steps, size, law):
     """Centre, normal and use of friction of a plane's contact, and their slopes.
 
     Args:
-        wrench: (6,) about the sphere's centre, N and N mm. steps: (8,) by which wrench and law's offsets are moved.
-        size: (outer radius, span that the law has lengths in, unit of force), mm and N. law: constants of the law.
+        wrench: (6,) about the sphere's centre, N and N mm.
+        steps: (8,) by which wrench and law's offsets are moved.
+        size: (outer radius, span that the law has lengths in, unit of force), mm and N.
+        law: constants of the law.
 
     Returns:
         (7,) centre from the sphere's centre (mm), normal, use of friction, NaN without a push; (7, 8) slopes.

@@ -47,7 +47,9 @@ def binomial_quantile(probability: float, trials: int, rate: float) -> int:
     """Smallest k such that at most k of ``trials`` succeed with a probability of at least ``probability``.
 
     Args:
-        probability: in (0, 1). trials: at least 0. rate: probability of success of one trial, in (0, 1).
+        probability: in (0, 1).
+        trials: at least 0.
+        rate: probability of success of one trial, in (0, 1).
 
     Raises:
         ParameterError: outside those ranges.

@@ -22,12 +22,14 @@ class Range:
     """What the training data covered.
 
     Attributes:
-        distance: largest norm of the whitened principal part. rest_px, rest_px_per_n: norm of what the principal fields
-            leave, but for a few samples, without load and more for each newton of it.
+        distance: largest norm of the whitened principal part.
+        rest_px, rest_px_per_n: norm of what the principal fields leave, but for a few samples, without load and more
+            for each newton of it.
         cells: cells (H, W) that count: usually valid, and in the disc that dots cover.
         force_n, tilt_deg: largest force and polar angle of the contact, but for a few samples; infinite in weights that
-            do not say it. interval_n: half width of a force's 95 % interval from which on an answer is none; infinite
-            where no contacts of other kinds taught the covariance.
+            do not say it.
+        interval_n: half width of a force's 95 % interval from which on an answer is none; infinite where no contacts of
+            other kinds taught the covariance.
     """
 
     distance: float
@@ -55,8 +57,10 @@ class Range:
         """(N,) whether answers are larger or further from the tip than those of training, or too uncertain.
 
         Args:
-            wrenches: (N, 6) on the endcap about the sphere's centre, N and N m. covariances: (N, 6, 6).
-            radius_mm: of the sphere. load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+            wrenches: (N, 6) on the endcap about the sphere's centre, N and N m.
+            covariances: (N, 6, 6).
+            radius_mm: of the sphere.
+            load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
         """
         limits = self.force_n, self.tilt_deg, self.interval_n / NORMAL_95
         return np.asarray(beyond(wrenches, covariances, radius_mm, LEAST_FORCE_N * load_scale, limits))
@@ -80,7 +84,9 @@ def range_measures(principal: Array, back: Array, inputs: Array) -> tuple[Array,
     """(N,) norm of the whitened principal part, and (N,) norm of the rest in px.
 
     Args:
-        principal: (K, D) to whitened parts. back: (D, K), its inverse. inputs: (N, D) fields, px.
+        principal: (K, D) to whitened parts.
+        back: (D, K), its inverse.
+        inputs: (N, D) fields, px.
     """
     z = inputs @ principal.T
     return np.linalg.norm(z, axis=1), np.linalg.norm(inputs - z @ back.T, axis=1)

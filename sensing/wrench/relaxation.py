@@ -42,7 +42,9 @@ class Term:
     """One term of the series.
 
     Attributes:
-        strength: b, over the long-term modulus. tau_s: relaxation time. sd: standard deviation of ``strength``.
+        strength: b, over the long-term modulus.
+        tau_s: relaxation time.
+        sd: standard deviation of ``strength``.
 
     Raises:
         ParameterError: a number out of its range.
@@ -71,7 +73,8 @@ class RateStep:
     """One estimate with the overstress on top, and the state behind it.
 
     Attributes:
-        wrench: corrected. time_s, long_term, overstress: (6,) and (terms, 6); None where the estimate was unusable.
+        wrench: corrected.
+        time_s, long_term, overstress: (6,) and (terms, 6); None where the estimate was unusable.
     """
 
     wrench: Wrench
@@ -126,7 +129,9 @@ def advanced(overstress: Array, change: Array, interval_s: float, strength: Arra
     """Overstress after an interval in which the long-term wrench changed linearly.
 
     Args:
-        overstress: (terms, k) before. change: (k,) of the long-term wrench. interval_s: over 0.
+        overstress: (terms, k) before.
+        change: (k,) of the long-term wrench.
+        interval_s: over 0.
         strength, tau_s: (terms,) of the series.
     """
     part = interval_s / tau_s

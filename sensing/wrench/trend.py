@@ -52,7 +52,9 @@ class Trend:
         """Compare, then remember what is predicted from here.
 
         Args:
-            time_s: of the measurement. measured, variance: (6,) of it. value, rate: (6,) of the filter after it.
+            time_s: of the measurement.
+            measured, variance: (6,) of it.
+            value, rate: (6,) of the filter after it.
         """
         self.factors, first = came_true(
             self._past_s, self._past, self._first, self._next, time_s, measured, variance, self._horizons_s,

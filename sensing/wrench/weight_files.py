@@ -33,7 +33,8 @@ def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     Another camera module than the released one is part of the name, too.
 
     Args:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
     pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
     other = "".join("_" + file_name(name) for name, usual in pairs if name != usual)
@@ -44,7 +45,8 @@ def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """File name of a design's weights: ``D180_T10.safetensors``, ``D180_T10_Dragon-Skin-30.safetensors``.
 
     Args:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
     return f"{endcap_label(params, silicone)}.safetensors"
 
@@ -53,7 +55,8 @@ def find_weights(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> Path
     """The file that ships for a design, else the user's own; None where there is neither.
 
     Args:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
     name = weights_name(params, silicone)
     places = (SHIPPED / f"default_{name}", weights_folder() / name)
@@ -64,7 +67,8 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
     """The command that makes the weights of a design, with the interpreter that runs now: another lacks the libraries.
 
     Args:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
     other = () if silicone == DEFAULT_SILICONE else ("--silicone", silicone)
     _, diameter, _, wall, *dots = design_words(params)

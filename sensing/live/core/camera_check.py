@@ -39,12 +39,17 @@ class CameraCheck:
     """Verdict on the camera of one sensor and reference.
 
     Args:
-        endcap: its name and design. rest: the camera in use, and how well the one that was assumed fits.
-        seen: the path from pictures taken with it. estimator: reads the fields. zero: the reference.
+        endcap: its name and design.
+        rest: the camera in use, and how well the one that was assumed fits.
+        seen: the path from pictures taken with it.
+        estimator: reads the fields.
+        zero: the reference.
 
     Attributes:
-        rest: as given. message: what is off with the camera and what to do, one line; empty where it fits.
-        flags: of all its wrenches. reason: for them, one line; empty where there are none.
+        rest: as given.
+        message: what is off with the camera and what to do, one line; empty where it fits.
+        flags: of all its wrenches.
+        reason: for them, one line; empty where there are none.
     """
 
     def __init__(
@@ -77,8 +82,10 @@ def paint_tracker(tracker: DotTracker, zero: Zero, rest: RestCamera, params: End
     """A tracker of the design's dots alone: a speck on the lens keeps its place when the skin moves.
 
     Args:
-        tracker: of all that look like dots; the answer where no camera is known. zero: its reference.
-        rest: the camera. params: the endcap.
+        tracker: of all that look like dots; the answer where no camera is known.
+        zero: its reference.
+        rest: the camera.
+        params: the endcap.
     """
     camera = rest.known(params, tracker.size)
     if camera is None:

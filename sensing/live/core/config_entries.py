@@ -21,7 +21,8 @@ def change_entries(path: Path, changes: Mapping[str, Entries]) -> None:
     """Set entries of endcaps, all or none, comments and order kept; written under a temporary name, then renamed.
 
     Args:
-        path: of endcaps.toml. changes: the entries of each endcap, by its name.
+        path: of endcaps.toml.
+        changes: the entries of each endcap, by its name.
 
     Raises:
         FileError: no such file or endcap, or lines that cannot be changed safely (then nothing is).

@@ -29,7 +29,8 @@ def load_config(path: Path) -> LiveConfig:
     """Read ``endcaps.toml``.
 
     Raises:
-        FileError: missing, no TOML, an unknown or missing key. ParameterError: a bad value.
+        FileError: missing, no TOML, an unknown or missing key.
+        ParameterError: a bad value.
     """
     try:
         with path.open("rb") as stream:

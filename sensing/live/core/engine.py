@@ -31,6 +31,10 @@ class LiveEndcap:
     """An endcap with its source and its state.
 
     Attributes:
+        feed: frames of its source.
+        pipeline: frame to reading.
+        stats: rates and times of the last frames.
+        machine: state of the endcap.
         frame: the newest one taken, whether or not it gave a reading: shown while there is no reference.
     """
 
@@ -106,10 +110,14 @@ class Engine:
     """All endcaps of a run; use as a context manager.
 
     Args:
-        endcaps: at least one. sinks: outputs that take every reading. workers: threads that share the endcaps.
+        endcaps: at least one.
+        sinks: outputs that take every reading.
+        workers: threads that share the endcaps.
 
     Attributes:
-        endcaps: as given. threads: those that work on frames. failures: a line for every output that raised.
+        endcaps: as given.
+        threads: those that work on frames.
+        failures: a line for every output that raised.
 
     Raises:
         ParameterError: no endcap, or workers outside 1..number of endcaps.

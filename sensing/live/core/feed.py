@@ -55,7 +55,8 @@ class CameraFeed:
     """A source that is kept open; frames that nobody takes in time are dropped.
 
     Args:
-        open_source: opens it anew. length: frames kept; 1 for the least delay.
+        open_source: opens it anew.
+        length: frames kept; 1 for the least delay.
     """
 
     def __init__(self, open_source: Callable[[], FrameSource], length: int = 1) -> None:
@@ -121,7 +122,8 @@ class FileFeed:
     """A source that ends; it waits for a slow reader.
 
     Args:
-        open_source: opens it. pace: shared by files that keep step; None for a pace of its own.
+        open_source: opens it.
+        pace: shared by files that keep step; None for a pace of its own.
     """
 
     def __init__(self, open_source: Callable[[], FrameSource], pace: Pace | None = None) -> None:

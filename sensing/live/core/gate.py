@@ -44,7 +44,9 @@ class Verdict:
     """Of one frame.
 
     Attributes:
-        event: GOOD, FLAGGED or why there is no number. reason: in words; empty for a good frame. flags: for the wrench.
+        event: GOOD, FLAGGED or why there is no number.
+        reason: in words; empty for a good frame.
+        flags: for the wrench.
         held: whether the estimate is kept from the filter until the next frame confirms it.
     """
 
@@ -79,8 +81,10 @@ class Gate:
         """Verdict on one frame.
 
         Args:
-            likeness: of the picture with the reference (:func:`likeness`). tracks: None for methods without dots.
-            estimate: of this frame alone. predict: gives the (3,) force that the filter expects; None before its first.
+            likeness: of the picture with the reference (:func:`likeness`).
+            tracks: None for methods without dots.
+            estimate: of this frame alone.
+            predict: gives the (3,) force that the filter expects; None before its first.
         """
         blind = _blind(likeness, tracks, estimate)
         if blind:

@@ -14,7 +14,9 @@ def best_tear(reference, position, lost, least_side):
     """The row at which a picture torn in two explains most of the dots' displacements: one mean above, one below.
 
     Args:
-        reference, position: (N, 2) float64, px. lost: (N,) bool. least_side: dots on either side at least.
+        reference, position: (N, 2) float64, px.
+        lost: (N,) bool.
+        least_side: dots on either side at least.
 
     Returns:
         Row of the first dot below, part of the squared displacements that both means explain (0 without enough dots or
@@ -52,10 +54,12 @@ def best_tear(reference, position, lost, least_side):
 
 @numba.njit(**SHORT)
 def block_means(gray, step, rows, columns):
-    """(rows * columns,) float32 means of equal blocks of a picture (H, W) uint8, without the mean of them all.
+    """(rows * columns,) float32 means of equal blocks of a picture, minus the mean of all blocks.
 
     Args:
-        step: every so many pixels are looked at, along both axes. rows, columns: blocks.
+        gray: (H, W) uint8.
+        step: every so many pixels are read, along both axes.
+        rows, columns: numbers of blocks.
     """
     height, width = (gray.shape[0] - 1) // step + 1, (gray.shape[1] - 1) // step + 1
     edges = np.array([j * width // columns for j in range(columns + 1)])

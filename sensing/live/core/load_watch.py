@@ -31,7 +31,8 @@ class LoadWatch:
     """Of one reference.
 
     Args:
-        estimator: reads the fields; only weights of this project are asked. gain: from its force to the endcap's.
+        estimator: reads the fields; only weights of this project are asked.
+        gain: from its force to the endcap's.
         reason: to begin with, of a watch before this one.
 
     Attributes:
@@ -48,7 +49,9 @@ class LoadWatch:
         """One frame.
 
         Args:
-            field: of the frame. estimate: the wrench that it stands for. touching: whether the endcap reads a touch.
+            field: of the frame.
+            estimate: the wrench that it stands for.
+            touching: whether the endcap reads a touch.
         """
         if self._estimator is None:
             return

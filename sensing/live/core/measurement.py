@@ -54,9 +54,12 @@ class Measurement:
     """Readings of one endcap against one reference, frames in order.
 
     Args:
-        endcap: its name, design and contact threshold. model: estimates the wrench. reference: picture and method.
+        endcap: its name, design and contact threshold.
+        model: estimates the wrench.
+        reference: picture and method.
         check: of the camera against that picture; None for methods without dots.
-        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`. kept: of the frames before a restart.
+        number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
+        kept: of the frames before a restart.
 
     Attributes:
         contact: as of the last frame; None before the first.

@@ -39,8 +39,11 @@ class LiveModel:
     """A model ready to answer.
 
     Attributes:
-        name: of the model. method: field method it was made for. shape: (H, W) of its field.
-        estimator: the model. rest_n: norm of its force for a field of zeros (1.85 N for the released network).
+        name: of the model.
+        method: field method it was made for.
+        shape: (H, W) of its field.
+        estimator: the model.
+        rest_n: norm of its force for a field of zeros (1.85 N for the released network).
     """
 
     name: str
@@ -67,7 +70,8 @@ class LiveModel:
         """Contact threshold: the one given, or for 0 a force above the model's own answer at rest.
 
         Args:
-            on_n, off_n: at which contact begins and ends. gain: from the model's force to the endcap's.
+            on_n, off_n: at which contact begins and ends.
+            gain: from the model's force to the endcap's.
         """
         if on_n > 0:
             return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
@@ -81,8 +85,10 @@ def live_model(
     """Any estimator as a model.
 
     Args:
-        name: of the model. estimator: field to wrench. shape: (H, W) of its field. method: field method it was made
-            for.
+        name: of the model.
+        estimator: field to wrench.
+        shape: (H, W) of its field.
+        method: field method it was made for.
     """
     rest = estimator.estimate(ShearField(0.0, np.zeros((2, *shape), np.float32)))
     return LiveModel(name, method, shape, estimator, float(np.linalg.norm(rest.force_n)))
@@ -92,7 +98,9 @@ def known_weights(name: str, params: EndcapParams, silicone: str = DEFAULT_SILIC
     """File of the weights that ship for an endcap or that this user trained for it; None where there are none.
 
     Args:
-        name: of the model. params: the design. silicone: row of cad/materials.csv.
+        name: of the model.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
     return find_weights(params, silicone) if name == "default" else None
 
@@ -101,9 +109,10 @@ def weights_in_use(config: LiveConfig, endcap: EndcapConfig, any_silicone: bool 
     """File that answers for an endcap; None where there is none.
 
     Args:
-        config: names model and weights. endcap: of it; weighed, it takes those of its own silicone or of the default
-            one, whichever its gain was found with.
-        any_silicone: it is about to be weighed: those of the default silicone serve where its own has none.
+        config: names model and weights.
+        endcap: one of that configuration; a weighed one takes the weights that its gain was found with, of its own
+            silicone or of the default one.
+        any_silicone: the endcap is about to be weighed: those of the default silicone serve where its own has none.
     """
     given = config.weights_of(endcap)
     own = given or known_weights(config.model, endcap.params, endcap.silicone)
@@ -134,12 +143,15 @@ def load_model(
     """The model of that name for a design.
 
     Args:
-        name: ``default``, ``paper`` or a plug-in's. params: the design. weights: file; None for :func:`known_weights`.
+        name: ``default``, ``paper`` or a plug-in's.
+        params: the design.
+        weights: file; None for :func:`known_weights`.
         method: another field method than the model's own, for comparison.
         silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 
     Raises:
-        ParameterError: unknown name. FileError: no weights, or those of another endcap.
+        ParameterError: unknown name.
+        FileError: no weights, or those of another endcap.
     """
     if name == "default":
         from sensing.wrench.model import load_wrench_model

@@ -43,14 +43,16 @@ class EndcapPipeline:
     """Frames of one endcap in, readings out; not for two threads at once, but for the requests.
 
     Args:
-        endcap: its name and design. model: estimates the wrench. zero: the reference; without it the first
-            ``zero_frames`` frames are (the endcap must be untouched).
-        number: place in the list of endcaps. zero_frames: 1 takes a single picture as it is; 0 waits for
-            :meth:`set_zero`, as a replay does.
+        endcap: its name and design.
+        model: estimates the wrench.
+        zero: the reference; without it the first ``zero_frames`` frames are (the endcap must be untouched).
+        number: place in the list of endcaps.
+        zero_frames: 1 takes a single picture as it is; 0 waits for :meth:`set_zero`, as a replay does.
 
     Attributes:
         outcome: event and reason of the last frame; None for one that came late.
-        faults: frames that could not be used. epoch: see :class:`sensing.live.core.reading.EndcapReading`.
+        faults: frames that could not be used.
+        epoch: see :class:`sensing.live.core.reading.EndcapReading`.
     """
 
     def __init__(
@@ -185,7 +187,8 @@ class EndcapPipeline:
         """Use a reference from the next frame on.
 
         Args:
-            zero: the reference. kept: of frames before that were measured against it, as a recording has it.
+            zero: the reference.
+            kept: state of earlier frames that were measured against it, as a recording has it.
 
         Raises:
             EndcapError: a reference without dots, one that cannot be decoded, or of another size than the camera file.
@@ -193,11 +196,7 @@ class EndcapPipeline:
         self._use(Reference(zero, self._build(zero)), kept)
 
     def restart(self, kept: Kept = NOTHING_KEPT) -> None:
-        """Forget the frames before, not the reference.
-
-        Args:
-            kept: what is not forgotten.
-        """
+        """Forget the frames before, but neither the reference nor what is ``kept``."""
         if self._used is not None:
             self._used = self._anew(self._used)
         self._begin(kept)
@@ -206,7 +205,8 @@ class EndcapPipeline:
         """Refuse pictures of another size than those that the camera file holds for.
 
         Raises:
-            ParameterError: the sizes differ. FrameError: the frame cannot be decoded.
+            ParameterError: the sizes differ.
+            FrameError: the frame cannot be decoded.
         """
         if self._camera is not None:
             self._camera.require_size(frame_size(frame), self.endcap.camera or "camera")

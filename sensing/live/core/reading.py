@@ -33,18 +33,26 @@ class EndcapReading:
     """One frame from camera to contact.
 
     Attributes:
-        endcap: name. number: place in the list of endcaps.
-        frame: the picture. tracks: its dots, None for methods without. field: its shear field.
-        estimate: wrench of this frame alone. wrench: filtered.
-        contact: whether it touches. centre: where the line of action meets the sphere.
+        endcap: name.
+        number: place in the list of endcaps.
+        frame: the picture.
+        tracks: its dots, None for methods without.
+        field: its shear field.
+        estimate: wrench of this frame alone.
+        wrench: filtered.
+        contact: whether it touches.
+        centre: where the line of action meets the sphere.
         drift: what has changed since the reference, as last measured; None before.
-        zero: the reference in use. epoch: counts up when reference or filter start anew.
+        zero: the reference in use.
+        epoch: counts up when reference or filter start anew.
         captured_s: capture on this run's clock (the frame's own time for a camera, the due time for a file).
-        ready_s: when all this was known. stage_ms: time of each stage.
+        ready_s: when all this was known.
+        stage_ms: time of each stage.
         trend: (H, 6) change of ``wrench`` a second that can be counted on for each of
             :data:`sensing.wrench.trend.HORIZONS_S`; zero where holding it has been better.
         place: centre, normal and use of friction were it a plane that touches; NaN while nothing does.
-        event: what the frame has shown. reason: why its numbers do not count, or are to be used with care.
+        event: what the frame has shown.
+        reason: why its numbers do not count, or are to be used with care.
         likeness: of the picture with that of the reference, -1..1; NaN where none was compared.
         own_weight_g: (3,) change of gravity since the reference, in g along the endcap's axes, whose effect on the skin
             is taken out; NaN where none is looked for.
@@ -96,7 +104,8 @@ def predicted(reading: EndcapReading, time_s: float) -> Wrench:
     """The wrench of a reading at a later time, by its trend; beyond the longest horizon it stays.
 
     Args:
-        reading: valid or not (NaN stays NaN). time_s: on the clock of ``captured_s``, not before it.
+        reading: valid or not (NaN stays NaN).
+        time_s: on the clock of ``captured_s``, not before it.
     """
     delay_s = max(0.0, time_s - reading.captured_s)
     moved = reading.trend[row_for(delay_s)] * min(delay_s, HORIZONS_S[-1])
@@ -142,7 +151,9 @@ def nothing(endcap: str, state: str, reason: str) -> dict[str, Any]:
     """What :func:`plain` gives of an endcap of which no frame comes: its state, and null for every number.
 
     Args:
-        endcap: name. state: its state in a word. reason: why no frame comes.
+        endcap: name.
+        state: its state in a word.
+        reason: why no frame comes.
     """
     numbers = ["time_s", "force_norm_n", "contact", "contact_since_s"]
     numbers += ["place_sd_mm", "normal_sd_deg", "friction_use", "friction_use_sd"]
@@ -165,7 +176,10 @@ def without_numbers(
     """A reading whose numbers are all NaN and whose field is invalid everywhere.
 
     Args:
-        endcap: name. number: place in the list of endcaps. frame: the picture. shape: (H, W) of the field.
+        endcap: name.
+        number: place in the list of endcaps.
+        frame: the picture.
+        shape: (H, W) of the field.
         zero, epoch, captured_s, drift: as in :class:`EndcapReading`.
     """
     nothing = np.full(3, np.nan)

@@ -60,13 +60,16 @@ class ReferenceTaker:
     """Takes references for one endcap; another kind of request replaces the one before, even while it is being made.
 
     Args:
-        name: of the endcap. params: its design. frames: averaged for a reference; 1 takes a single picture as it is, 0
-            none at all. build: sets up the method. estimator, most_n: a difference estimated as more is a press.
+        name: of the endcap.
+        params: its design.
+        frames: averaged for a reference; 1 takes a single picture as it is, 0 none at all.
+        build: sets up the method.
+        estimator, most_n: a difference estimated as more is a press.
         gain: from the estimator's force to the endcap's, in whose newtons ``most_n`` is.
 
     Attributes:
-        reason: why the last one was refused, or what goes on; empty when nothing does. pressed: whether confirming
-            would help.
+        reason: why the last one was refused, or what goes on; empty when nothing does.
+        pressed: whether confirming would help.
     """
 
     def __init__(
@@ -192,7 +195,9 @@ def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: E
     """Force that the picture of a new reference shows against the last, without what the mounting explains.
 
     Args:
-        before: method set up with the last reference; it starts anew. new: the other. estimator: field to wrench.
+        before: method set up with the last reference; it starts anew.
+        new: the other.
+        estimator: field to wrench.
         params: the design; None takes the released.
     """
     frame = new.frame()

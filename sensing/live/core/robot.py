@@ -26,10 +26,12 @@ class RobotState:
     """The robot at one moment.
 
     Attributes:
-        touching: names of the endcaps that touch. since_s: of each, capture time at which contact began.
+        touching: names of the endcaps that touch.
+        since_s: of each, capture time at which contact began.
         unknown: names of the endcaps whose contact is not known.
         force_n: (3,) sum over the endcaps that touch, robot frame; NaN where their places are not stated.
-        weight_n: of the robot; 0 where not given. standing: at least three touch.
+        weight_n: of the robot; 0 where not given.
+        standing: at least three touch.
         consistent: whether the force sum carries the weight; None unless standing, with all places stated.
     """
 
@@ -58,7 +60,10 @@ def robot_state(
     """State from the newest readings.
 
     Args:
-        endcaps: of the robot. readings: newest by endcap. weight_n: 0 without the check. now_s: on this run's clock.
+        endcaps: of the robot.
+        readings: newest by endcap.
+        weight_n: 0 without the check.
+        now_s: on this run's clock.
     """
     touching, since, unknown, total = [], {}, [], np.zeros(3)
     for endcap in endcaps:

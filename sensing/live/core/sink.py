@@ -32,10 +32,12 @@ class QueuedSink:
     """Base of outputs with a thread of their own: override :meth:`write` and :meth:`finish`.
 
     Args:
-        length: readings that the output may be behind. idle_s: :meth:`idle` is called after so long without one.
+        length: readings that the output may be behind.
+        idle_s: :meth:`idle` is called after so long without one.
 
     Attributes:
-        dropped: readings lost because the output was too slow. failed: why it stopped; empty while it works.
+        dropped: readings lost because the output was too slow.
+        failed: why it stopped; empty while it works.
     """
 
     def __init__(self, length: int, idle_s: float | None = None) -> None:

@@ -99,8 +99,10 @@ class Condition:
     """State at one moment.
 
     Attributes:
-        state: now. reason: why, in one line; empty while all is well. since_s: when the state began. note: answer to a
-            request ("not zeroed: ..."), empty after :data:`NOTE_S`.
+        state: now.
+        reason: why, in one line; empty while all is well.
+        since_s: when the state began.
+        note: answer to a request ("not zeroed: ..."), empty after :data:`NOTE_S`.
     """
 
     state: State = State.STARTING
@@ -140,8 +142,9 @@ class Machine:
         """Take one event.
 
         Args:
-            event: what has happened. reason: why, kept while the state is not a good one. now_s: on the clock of the
-                run.
+            event: what has happened.
+            reason: why, kept while the state is not a good one.
+            now_s: on the clock of the run.
         """
         with self._lock:
             before = self._condition

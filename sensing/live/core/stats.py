@@ -25,14 +25,25 @@ class EndcapHealth:
     """State of one endcap at one moment.
 
     Attributes:
-        endcap: name. status: word of the state. valid: whether its numbers count now. level: 0 good, 1 look at it,
-            2 bad. message: what is wrong; empty when nothing is.
-        frames: readings so far. dropped: frames nobody took in time. faults: frames that could not be used.
-        rate_hz: readings a second. age_s: since the capture of the last one.
-        p50_ms, p99_ms: from capture to wrench. work_ms: median time spent on a frame. stage_ms: median of each stage.
-        dots, dots_known: followed and known. drift: its cause. reopened: times the source came back.
-        zeroed: when the reference was taken (ISO, UTC); empty without one. confirmable: the last request for one was
-            refused because of a press. undoable: whether there is an earlier one.
+        endcap: name.
+        status: word of the state.
+        valid: whether its numbers count now.
+        level: 0 good, 1 look at it, 2 bad.
+        message: what is wrong; empty when nothing is.
+        frames: readings so far.
+        dropped: frames nobody took in time.
+        faults: frames that could not be used.
+        rate_hz: readings a second.
+        age_s: since the capture of the last one.
+        p50_ms, p99_ms: from capture to wrench.
+        work_ms: median time spent on a frame.
+        stage_ms: median of each stage.
+        dots, dots_known: followed and known.
+        drift: its cause.
+        reopened: times the source came back.
+        zeroed: when the reference was taken (ISO, UTC); empty without one.
+        confirmable: the last request for one was refused because of a press.
+        undoable: whether there is an earlier one.
     """
 
     endcap: str

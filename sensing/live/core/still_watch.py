@@ -42,7 +42,8 @@ class StillWatch:
         """One frame.
 
         Args:
-            tracks: its dots. likeness: of its picture with the reference: the same number twice is the same picture.
+            tracks: its dots.
+            likeness: of its picture with the reference: the same number twice is the same picture.
         """
         before, self._before = self._before, (tracks, likeness)
         if self.reason or before is None or before[1] == likeness:

@@ -34,7 +34,8 @@ def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE
     """The pictures; rendered at the first call on a machine, then read from the user's cache folder.
 
     Args:
-        design: of the six endcaps. silicone: row of cad/materials.csv.
+        design: of the six endcaps.
+        silicone: row of cad/materials.csv.
 
     Raises:
         ParameterError: a design that cannot be made, or an unknown silicone.
@@ -65,7 +66,8 @@ def scene_config(
 
     Args:
         model, weights, method: of :class:`sensing.live.core.config.LiveConfig`.
-        design: of the six endcaps. silicone: row of cad/materials.csv.
+        design: of the six endcaps.
+        silicone: row of cad/materials.csv.
     """
     film = scene_film() if (design, silicone) == (RELEASED, DEFAULT_SILICONE) else scene_film(design, silicone)
     endcaps = tuple(
@@ -82,9 +84,11 @@ class SceneSource:
     """One camera of the scene, for ever.
 
     Args:
-        number: of the endcap, 0..5. rate_hz: frames a second; the scene's own pace stays. phase: by how much of a frame
-            it is late; None for a sixth later than the camera before.
-        design: of the six endcaps. silicone: row of cad/materials.csv.
+        number: of the endcap, 0..5.
+        rate_hz: frames a second; the scene's own pace stays.
+        phase: by how much of a frame it is late; None for a sixth later than the camera before.
+        design: of the six endcaps.
+        silicone: row of cad/materials.csv.
 
     Raises:
         ParameterError: no such endcap, or a rate that is not 1..240.

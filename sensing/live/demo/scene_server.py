@@ -26,7 +26,8 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
     """A server of ``/0`` to ``/5``; run its ``serve_forever``.
 
     Args:
-        port: to listen on, 0 for any free one. open_source: makes the frames of an endcap from its number.
+        port: to listen on, 0 for any free one.
+        open_source: makes the frames of an endcap from its number.
         host: address to listen on.
 
     Raises:

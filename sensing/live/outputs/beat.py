@@ -10,7 +10,9 @@ class Beat:
     """Calls a function every so often until stopped, also after an error.
 
     Args:
-        period_s: between calls. work: what is done. on_error: takes every error, in the same thread, to report it.
+        period_s: between calls.
+        work: what is done.
+        on_error: takes every error, in the same thread, to report it.
     """
 
     def __init__(self, period_s: float, work: Callable[[], None], on_error: Callable[[Exception], None]) -> None:

@@ -23,7 +23,8 @@ class IndexOnDisk:
         """Stand in for the list of a writer of the library, which has no setting for it.
 
         Args:
-            writer: not yet started. folder: where the file lies.
+            writer: not yet started.
+            folder: where the file lies.
 
         Raises:
             OSError: no file can be made there.

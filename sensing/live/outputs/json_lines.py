@@ -24,7 +24,8 @@ class JsonLines(QueuedSink):
     """Writes to a stream; a reader that went away ends it without noise (``failed`` says so).
 
     Args:
-        stream: where. health: states of the endcaps; one that gives no frames any more gets a line with nulls, once.
+        stream: where.
+        health: states of the endcaps; one that gives no frames any more gets a line with nulls, once.
 
     Attributes:
         lines: written.

@@ -16,8 +16,8 @@ class Lines:
         stream: where the texts go.
 
     Attributes:
-        gone: the reader has left (a closed pipe, a closed terminal). failed: why nothing can be written; empty
-            while it can.
+        gone: the reader has left (a closed pipe, a closed terminal).
+        failed: why nothing can be written; empty while it can.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -58,7 +58,9 @@ def about(config: LiveConfig, files: Iterable[CarriedFile], pictures: Pictures =
     """The configuration as metadata of the recording.
 
     Args:
-        config: what runs. files: that it needs. pictures: which are recorded.
+        config: what runs.
+        files: that it needs.
+        pictures: which are recorded.
     """
     endcaps = []
     for endcap in config.endcaps:
@@ -81,7 +83,8 @@ class RecordedConfig:
     """What ran.
 
     Attributes:
-        config: its endcaps read from the recording; without weights and cameras. files: digests of those by name.
+        config: its endcaps read from the recording; without weights and cameras.
+        files: digests of those by name.
         pictures: which were recorded.
     """
 

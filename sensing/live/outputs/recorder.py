@@ -67,12 +67,18 @@ class Recorder(QueuedSink):
     """Writes one file.
 
     Args:
-        path: must not exist. config: what runs. epochs: epoch of every endcap before its restart was asked for.
-        restart: asks for the restart of an endcap. health: for the diagnostics. stream: instead of a file, for tests.
+        path: must not exist.
+        config: what runs.
+        epochs: epoch of every endcap before its restart was asked for.
+        restart: asks for the restart of an endcap.
+        health: for the diagnostics.
+        stream: instead of a file, for tests.
         pictures: which are written.
 
     Attributes:
-        frames: readings written. kept: those that the file certainly holds. begun_s: time of the start.
+        frames: readings written.
+        kept: those that the file certainly holds.
+        begun_s: time of the start.
 
     Raises:
         FileError: the file exists or cannot be made.

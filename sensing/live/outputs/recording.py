@@ -25,8 +25,9 @@ class Recording:
     """The recording of a run, if there is one.
 
     Args:
-        run: what is recorded. folder: where files go that are not named. pictures: which are recorded, unless others
-            are asked for.
+        run: what is recorded.
+        folder: where files go that are not named.
+        pictures: which are recorded, unless others are asked for.
 
     Attributes:
         files: that were ended, oldest first.
@@ -93,10 +94,12 @@ class Recording:
         """Begin a file.
 
         Args:
-            path: of the file; None for a name of its own. pictures: which are recorded; None for those of the run.
+            path: of the file; None for a name of its own.
+            pictures: which are recorded; None for those of the run.
 
         Raises:
-            FileError: it exists already or cannot be made. ParameterError: pictures that cannot be had, or needed.
+            FileError: it exists already or cannot be made.
+            ParameterError: pictures that cannot be had, or needed.
         """
         with self._lock:
             if self._recorder is not None and not self._recorder.failed:

@@ -72,7 +72,9 @@ def wrench_stamped(wrench: Wrench, stamp_ns: int, frame_id: str) -> bytes:
     """geometry_msgs/WrenchStamped.
 
     Args:
-        wrench: N and N m. stamp_ns: wall time. frame_id: name of the endcap.
+        wrench: N and N m.
+        stamp_ns: wall time.
+        frame_id: name of the endcap.
     """
     return encode(WRENCH, typestore().types[WRENCH](header=header(stamp_ns, frame_id), wrench=wrench_message(wrench)))
 
@@ -89,7 +91,9 @@ def pose_stamped(place: PlaneContact, stamp_ns: int, frame_id: str) -> bytes:
     """geometry_msgs/PoseWithCovarianceStamped: where a plane touches, z along its normal.
 
     Args:
-        place: of the contact. stamp_ns: wall time. frame_id: name of the endcap.
+        place: of the contact.
+        stamp_ns: wall time.
+        frame_id: name of the endcap.
     """
     types = typestore().types
     position, quaternion, covariance = place.pose()
@@ -105,7 +109,10 @@ def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> by
     """sensor_msgs/CompressedImage from the bytes of a picture file.
 
     Args:
-        data: the file. form: ``jpeg`` or ``png``. stamp_ns: wall time. frame_id: name of the endcap.
+        data: the file.
+        form: ``jpeg`` or ``png``.
+        stamp_ns: wall time.
+        frame_id: name of the endcap.
     """
     content = np.frombuffer(data, np.uint8)
     return encode(IMAGE, typestore().types[IMAGE](header=header(stamp_ns, frame_id), format=form, data=content))

@@ -41,7 +41,9 @@ class Terminal:
         """Rewrite all lines, or print what has changed.
 
         Args:
-            healths: of all endcaps. readings: the newest, by name of the endcap. robot: state of the whole robot.
+            healths: of all endcaps.
+            readings: the newest, by name of the endcap.
+            robot: state of the whole robot.
             notes: further lines.
         """
         if not self._tty:

@@ -72,7 +72,9 @@ def page_address(host: str, port: int, token: str) -> str:
     """The whole address.
 
     Args:
-        host: address that the page listens on. port: its port. token: key of the page; empty without one.
+        host: address that the page listens on.
+        port: its port.
+        token: key of the page; empty without one.
     """
     shown = reachable_address(host)
     return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/" + (f"?token={token}" if token else "")

@@ -41,8 +41,11 @@ class Press:
     """What a viewer asks for.
 
     Attributes:
-        word: of :data:`WORDS`. endcap: its number. seen_ms: time of the state that the viewer saw. value: a number
-            that goes with the word. text: of a note.
+        word: of :data:`WORDS`.
+        endcap: its number.
+        seen_ms: time of the state that the viewer saw.
+        value: a number that goes with the word.
+        text: of a note.
     """
 
     word: str
@@ -60,8 +63,9 @@ def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
     """One message of the run.
 
     Args:
-        kind: one byte, for example :data:`STATE`. data: content. endcap: number of the endcap, or how many with
-            :data:`HELLO`.
+        kind: one byte, for example :data:`STATE`.
+        data: content.
+        endcap: number of the endcap, or how many with :data:`HELLO`.
     """
     return HEAD.pack(kind, endcap, len(data)) + data
 

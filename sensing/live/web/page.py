@@ -55,12 +55,15 @@ class PageServer:
     """Serves the page of a run.
 
     Args:
-        run: what is shown. recording: what the button works on. host: address to listen on. port: None for 8008 or,
-            where that is taken, any free one.
+        run: what is shown.
+        recording: what the button works on.
+        host: address to listen on.
+        port: None for 8008 or, where that is taken, any free one.
 
     Attributes:
-        url: to open in a browser; holds the token where one is needed. address: host and port. pid: of the page's
-            process, None before the start.
+        url: to open in a browser; holds the token where one is needed.
+        address: host and port.
+        pid: of the page's process, None before the start.
 
     Raises:
         ParameterError: no such address, or the port is taken.

@@ -91,8 +91,11 @@ class Link:
     """The run as the page sees it.
 
     Attributes:
-        hello: what every viewer gets first. token: it must know; empty for none. endcaps: their number.
-        pictures: by endcap, (count of its changes, JPEG). files: recordings that have ended.
+        hello: what every viewer gets first.
+        token: it must know; empty for none.
+        endcaps: their number.
+        pictures: by endcap, (count of its changes, JPEG).
+        files: recordings that have ended.
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -254,7 +257,9 @@ def refusal(connection: HTTPConnection, token: str, cookie: str) -> str:
     """Why a request is refused, and what to do; empty if it is not.
 
     Args:
-        connection: what asks. token: that it must know; empty for none, on loopback. cookie: name under which it may.
+        connection: what asks.
+        token: that it must know; empty for none, on loopback.
+        cookie: name under which it may.
     """
     if token:
         given = connection.query_params.get("token") or connection.cookies.get(cookie) or ""

@@ -33,8 +33,11 @@ class SimulatedRobot:
     """A run of the simulated robot.
 
     Args:
-        robot: what walks. terrain: on what, one of :data:`TERRAINS`. seed: of all that is random.
-        seconds: length of the run. speed: 1 is its own pace, 0 as fast as possible.
+        robot: what walks.
+        terrain: on what, one of :data:`TERRAINS`.
+        seed: of all that is random.
+        seconds: length of the run.
+        speed: 1 is its own pace, 0 as fast as possible.
         say: is called with the simulated time while it is simulated.
 
     Raises:

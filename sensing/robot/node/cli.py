@@ -68,8 +68,10 @@ class JsonOutput:
     """One line of JSON a report, on standard output.
 
     Args:
-        lines: where. robot: of the reports. stopped: whether somebody has asked for the end. lost: takes a line when
-            the first estimate is left out for a slow reader; without it, all wait for the reader.
+        lines: where.
+        robot: of the reports.
+        stopped: whether somebody has asked for the end.
+        lost: takes a line when the first estimate is left out for a slow reader; without it, all wait for the reader.
     """
 
     def __init__(

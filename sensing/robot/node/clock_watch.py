@@ -37,7 +37,9 @@ class ClockWatch:
         """Whether one sample can be used.
 
         Args:
-            topic: it came on. stamp_s: its capture time. now_s: its arrival, on the same clock.
+            topic: it came on.
+            stamp_s: its capture time.
+            now_s: its arrival, on the same clock.
         """
         if not math.isfinite(stamp_s):  # the estimator counts it
             return True

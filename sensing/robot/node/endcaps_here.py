@@ -31,11 +31,12 @@ class EndcapsHere:
     """Readings of this computer's endcaps.
 
     Args:
-        path: endcaps.toml. robot: whose endcaps they are.
+        path: endcaps.toml.
+        robot: whose endcaps they are.
 
     Raises:
-        ParameterError: an endcap of the file that the robot does not have, or has in another size. EndcapError: what
-            cannot be opened.
+        ParameterError: an endcap of the file that the robot does not have, or has in another size.
+        EndcapError: what cannot be opened.
     """
 
     def __init__(self, path: Path, robot: TensegrityRobot) -> None:

@@ -49,13 +49,15 @@ class LiveRobot:
     """Samples as they come, until the run is stopped.
 
     Args:
-        robot: whose sensors. endcaps: endcaps.toml of the cameras here; None where topics bring the wrenches.
+        robot: whose sensors.
+        endcaps: endcaps.toml of the cameras here; None where topics bring the wrenches.
         domain: None for ``ROS_DOMAIN_ID`` or 0.
         wrench_sd: standard deviations (N, N m) of wrenches that come without covariance.
 
     Raises:
         ParameterError: DDS does not start; an endcap of the file that the robot does not have; a name that is no part
-            of a topic. FileError: no such file.
+            of a topic.
+        FileError: no such file.
     """
 
     def __init__(
@@ -165,7 +167,9 @@ class LiveRobot:
         The topic says whose it is: ``frame_id`` is what the sensor's driver calls its axes.
 
         Args:
-            kind: type of the message. name: of the sensor or endcap, as the topic has it. message: taken from it.
+            kind: type of the message.
+            name: of the sensor or endcap, as the topic has it.
+            message: taken from it.
         """
         sample = messages.sample_from(kind, message, self._clock.offset_ns)
         if isinstance(sample, LengthSample) and message.name:  # in the order of the description, whatever theirs is
@@ -191,7 +195,8 @@ def _paced(taken_s: float, later_s: float) -> float:
     would come ever closer otherwise.
 
     Args:
-        taken_s: when all were taken. later_s: capture time after that of the first; NaN without.
+        taken_s: when all were taken.
+        later_s: capture time after that of the first; NaN without.
     """
     return min(time.monotonic(), taken_s + later_s) if later_s > 0 else taken_s
 

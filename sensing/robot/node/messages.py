@@ -37,7 +37,9 @@ def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tup
     """(type, bytes) of a sample.
 
     Args:
-        sample: any. cables: names of the measured ones, in order. wall_ns: added to its time.
+        sample: any.
+        cables: names of the measured ones, in order.
+        wall_ns: added to its time.
     """
     types = ros.typestore().types
     stamp = wall_ns + (whole_ns(sample.time_s) if math.isfinite(sample.time_s) else 0)
@@ -73,7 +75,9 @@ def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
     """The sample of a message in CDR.
 
     Args:
-        kind: its type. data: CDR. wall_ns: subtracted from its stamp.
+        kind: its type.
+        data: CDR.
+        wall_ns: subtracted from its stamp.
 
     Raises:
         ValueError: bytes that are no such message.
@@ -85,7 +89,9 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
     """The same of a decoded message, also of one that a DDS reader has taken.
 
     Args:
-        kind: its type. message: any with the fields of that type. wall_ns: subtracted from its stamp.
+        kind: its type.
+        message: any with the fields of that type.
+        wall_ns: subtracted from its stamp.
     """
     stamp = message.header.stamp
     time_s = (stamp.sec * NS + stamp.nanosec - wall_ns) / NS
@@ -112,7 +118,8 @@ def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     Covariances of velocity and angular velocity stand in the twist; what these share is left zero.
 
     Args:
-        bar: the estimate. stamp_ns: wall time.
+        bar: the estimate.
+        stamp_ns: wall time.
     """
     types, R = ros.typestore().types, bar.T_world_bar[:3, :3]
     slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # turned with the bar, a velocity errs with it

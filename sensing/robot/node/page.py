@@ -41,7 +41,8 @@ class RobotPage:
     """Shows the newest report.
 
     Args:
-        robot: of the reports. port: None for 8008 or, where that is taken, any free one.
+        robot: of the reports.
+        port: None for 8008 or, where that is taken, any free one.
 
     Attributes:
         url: to open in a browser.

@@ -17,8 +17,9 @@ class Report:
     """One estimate of a run.
 
     Attributes:
-        estimate: of the robot. truth: (B, 4, 4) m where the bars truly are, in the estimate's world; None where nobody
-            knows. path_m: way of the centre of mass so far, along the ground.
+        estimate: of the robot.
+        truth: (B, 4, 4) m where the bars truly are, in the estimate's world; None where nobody knows.
+        path_m: way of the centre of mass so far, along the ground.
     """
 
     estimate: RobotEstimate

@@ -34,13 +34,15 @@ class RobotRecorder:
     """Writes one file.
 
     Args:
-        path: must not exist. robot: whose samples. description: bytes of its file. wall_ns: wall time at which the
-            samples' clock was 0; None where that is the monotonic clock of this process. lost: takes a line when no
-            more can be written.
+        path: must not exist.
+        robot: whose samples.
+        description: bytes of its file.
+        wall_ns: wall time at which the samples' clock was 0; None where that is the monotonic clock of this process.
+        lost: takes a line when no more can be written.
 
     Attributes:
-        samples, reports: written; once it failed, those that the file certainly holds. failed: why no more is written;
-            empty while all is.
+        samples, reports: written; once it failed, those that the file certainly holds.
+        failed: why no more is written; empty while all is.
 
     Raises:
         FileError: the file exists or cannot be made.

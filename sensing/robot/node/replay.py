@@ -34,8 +34,11 @@ class Outcome:
     """What a replay found.
 
     Attributes:
-        samples: read. compared: estimates computed again. different: those that differ in a bit.
-        inertial: whether any inertial sample is in the file. endcaps: those with a reading.
+        samples: number of samples read.
+        compared: estimates computed again.
+        different: estimates that differ from the recorded ones in any bit.
+        inertial: whether any inertial sample is in the file.
+        endcaps: names of the endcaps with a reading.
         end: what is wrong with the file's end; None where it is whole.
     """
 
@@ -97,10 +100,12 @@ class Recording:
         """Estimate everything again and compare.
 
         Args:
-            outputs: take samples and reports. settings: those of the recorded run, if the bits are to agree.
+            outputs: take samples and reports.
+            settings: those of the recorded run, if the bits are to agree.
 
         Raises:
-            FileError: a message that is none. ParameterError: a sample that is not of this robot.
+            FileError: a message that is none.
+            ParameterError: a sample that is not of this robot.
         """
         found, way, estimator = Outcome(), Way(self.robot), RobotEstimator(self.robot, settings)
         for topic, data in self._messages(found):

@@ -32,8 +32,9 @@ class RobotTopics:
     """Publishes every report.
 
     Args:
-        robot: of the reports. domain: None for ``ROS_DOMAIN_ID`` or 0. wall_ns: wall time at which the reports' clock
-            was 0; None where that is the monotonic clock of this process.
+        robot: of the reports.
+        domain: None for ``ROS_DOMAIN_ID`` or 0.
+        wall_ns: wall time at which the reports' clock was 0; None where that is the monotonic clock of this process.
 
     Raises:
         ParameterError: a domain outside 0..232, a bar's name that is no part of a topic, or DDS is not installed or
@@ -78,7 +79,8 @@ def ros_names(names: Iterable[str], what: str) -> dict[str, str]:
     """The part of a topic that stands for each name: a digit may not begin one (ROS 2 topic and service names).
 
     Args:
-        names: as the robot's description has them. what: they name, for the message.
+        names: as the robot's description has them.
+        what: they name, for the message.
 
     Raises:
         ParameterError: a part that ROS does not have, or that two names share.

@@ -88,7 +88,8 @@ class Way:
         """The report of an estimate.
 
         Args:
-            estimate: of this moment. truth: (B, 4, 4) m of the same, in the world of whoever knows it.
+            estimate: of this moment.
+            truth: (B, 4, 4) m of the same, in the world of whoever knows it.
         """
         if not self._begun and truth is not None:
             self._align = _alignment(estimate.bars[self._leader].T_world_bar, truth[self._leader])
@@ -109,9 +110,12 @@ def run_robot(
     """Until the source ends or somebody stops it; returns the number of reports.
 
     Args:
-        source: of samples. estimator: of the same robot. outputs: take samples and reports; one that raises gets no
-            more. stopped: asked all the time. lost: takes a line for every output that raised. silent_s: after so long
-            without any sample, reports are predictions: their health says that all is silent.
+        source: of samples.
+        estimator: of the same robot.
+        outputs: take samples and reports; one that raises gets no more.
+        stopped: asked all the time.
+        lost: takes a line for every output that raised.
+        silent_s: after so long without any sample, reports are predictions: their health says that all is silent.
 
     Raises:
         ParameterError: a sample that is not of this robot, or of another clock.

@@ -18,7 +18,9 @@ class RobotTerminal:
     """Writes a line a second, and what is unusual when it begins.
 
     Args:
-        lines: where. robot: of the estimates. quiet: only what is unusual.
+        lines: where.
+        robot: of the estimates.
+        quiet: only what is unusual.
 
     Attributes:
         last: newest report.

@@ -24,7 +24,8 @@ def warm_up(robot: TensegrityRobot, say: Callable[[str], object]) -> None:
     """Estimate a standing robot for a moment: every kind of sample, contacts that begin, hold and end.
 
     Args:
-        robot: as the run has it. say: is called, from another thread, when this takes long.
+        robot: as the run has it.
+        say: is called, from another thread, when this takes long.
     """
     text = "loading the estimator: half a minute where it must be compiled, once on this computer"
     with announced(text, PATIENCE_S, say):

@@ -60,7 +60,9 @@ def body_at(kind: int, radius_mm: float, point_mm: Array, axis: Array, along: Ar
 
     Args:
         kind, radius_mm: of :class:`Body`.
-        point_mm: (3,). axis: (3,), of length 1. along: (3,), of length 1.
+        point_mm: (3,).
+        axis: (3,), of length 1.
+        along: (3,), of length 1.
     """
     (x, y, z), (u, v, w), (a, b, c) = point_mm.tolist(), axis.tolist(), along.tolist()
     return Body(int(kind), float(radius_mm), (x, y, z), (u, v, w), (a, b, c))

@@ -117,7 +117,8 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
 
     Args:
         mesh: its outer faces are taken.
-        young_mpa: E of the silicone. wall_mm: T of the shell.
+        young_mpa: E of the silicone.
+        wall_mm: T of the shell.
         ratio: penalty eps_n over E / T.
     """
     local, rule = face_rule(POINTS_PER_SIDE)
@@ -148,7 +149,13 @@ def free_memory(surface: ContactSurface, position: Array, body: Body) -> Contact
 def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation: Array) -> float:
     """How far the body reaches into the surface anywhere, Gauss points or not; negative where it is apart.
 
-    A grid on every face, and a finer one round its nearest point. Args: as of :func:`respond`.
+    A grid on every face, and a finer one round its nearest point.
+
+    Args:
+        surface: outer faces that may touch.
+        body: what presses.
+        position: nodal (n, 3), mm.
+        translation: (3,) of the body from its first touch, mm.
     """
     _, nearest = _loops(plugin_distance(body.kind))
     face, place, _ = nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)

@@ -122,6 +122,7 @@ def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) ->
 
     Args:
         frame: contact frame, columns outward, meridian, lateral (3, 3).
-        depth_mm: travel against the outward normal. shift_mm: along (meridian, lateral).
+        depth_mm: travel against the outward normal.
+        shift_mm: along (meridian, lateral).
     """
     return frame @ np.array([-depth_mm, *shift_mm])

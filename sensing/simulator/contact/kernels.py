@@ -76,7 +76,8 @@ def respond(quadrature, memory, body, position, translation, friction, out):
     Args:
         quadrature, memory, friction: records of this module.
         body: :class:`sensing.simulator.contact.body.Body`.
-        position: nodal positions (n, 3), mm. translation: of the body from its first touch (3,), mm.
+        position: nodal positions (n, 3), mm.
+        translation: of the body from its first touch (3,), mm.
         out: zeroed :class:`Response`, filled here.
     """
     faces, points = quadrature.area.shape
@@ -180,7 +181,8 @@ def nearest(nodes, shape, body, position, translation):
     """Face, place (row of ``shape``) and distance (mm) where the surface is nearest to the body.
 
     Args:
-        nodes: of the faces (f, 9). shape: shape functions at the places to look at (s, 9).
+        nodes: of the faces (f, 9).
+        shape: shape functions at the places to look at (s, 9).
         body, position, translation: as of :func:`respond`.
     """
     y, normal, hessian = np.zeros(3), np.zeros(3), np.zeros((3, 3))
@@ -234,7 +236,9 @@ def _rough_distance(body, y, gradient, hessian):
     fundamental form there, which is exact to first order in d.
 
     Args:
-        body: the ground. y: (3,) point. gradient, hessian: (3,) and (3, 3), filled.
+        body: the ground.
+        y: (3,) point.
+        gradient, hessian: (3,) and (3, 3), filled.
     """
     n, e, p = body.axis, body.along, body.point_mm
     c = (n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0])

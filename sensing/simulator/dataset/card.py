@@ -41,7 +41,8 @@ def write_card(folder: Path) -> None:
     """Describe a whole set.
 
     Raises:
-        FileError: no manifest. OSError: the folder cannot be read or written.
+        FileError: no manifest.
+        OSError: the folder cannot be read or written.
     """
     manifest = read_manifest(folder)
     request = manifest["request"]

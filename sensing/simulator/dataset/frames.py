@@ -81,7 +81,8 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
     """Columns, pictures and refusals of a shard; depends on nothing that was solved before.
 
     Args:
-        request: what to make. paths: of this shard.
+        request: what to make.
+        paths: of this shard.
         stored: set whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None solves them.
     """
     tools = studio(request)
@@ -122,7 +123,8 @@ def noise_number(seed: int, path: int, picture: int) -> int:
     """Frame number that selects a picture's noise; it holds the seed, so that sets of two seeds share no noise.
 
     Args:
-        seed: of the request; the paint has another one, the sensor's. path: number of the path.
+        seed: of the request; the paint has another one, the sensor's.
+        path: number of the path.
         picture: number within the path, 0 for its reference. With seed 0 the number is that of sets written before
             manifests had a ``noise_key``.
     """
@@ -171,7 +173,8 @@ def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_d
     """Endcap to world (4, 4): the plane is z = 0 with its normal toward the endcap, x along the meridian.
 
     Args:
-        request: its shell. path: tilt of the plane, or ``T_world_sphere`` where a robot gives rotation and place.
+        request: its shell.
+        path: tilt of the plane, or ``T_world_sphere`` where a robot gives rotation and place.
         state: depth and travel are the means of its begin and end; the depth gives a robot's endcap its height, too.
         azimuth_deg: of the contact; not used where a robot gives the rotation.
     """

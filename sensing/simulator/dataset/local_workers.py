@@ -28,7 +28,8 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     """Results of ``job(*arguments)`` as they are finished, in any order.
 
     Args:
-        job: a function of a module. arguments: taken as they are needed, two for each worker at most.
+        job: a function of a module.
+        arguments: taken as they are needed, two for each worker at most.
         workers: processes, each with one thread for linear algebra.
 
     Raises:

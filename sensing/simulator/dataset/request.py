@@ -58,7 +58,8 @@ class DataRequest:
 
     Attributes:
         frames: least number of labelled frames (whole paths and scenes of a robot are kept, so a few more).
-        diameter_mm, wall_mm, silicone: the shell. dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
+        diameter_mm, wall_mm, silicone: the shell.
+        dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
         density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
         level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
         interlock: how many times as stiff as silicone the zone with the TPU gyroid is; 1: plain silicone.
@@ -66,8 +67,9 @@ class DataRequest:
         indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
             sphere, edge or crest, and the direction of edge or rows of crests from the meridian, each ignored where it
             means nothing.
-        protocol, seed: loading paths. loads: of their set-points: ``released`` as they are, for D=130 T=8 in
-            Smooth-Sil 950; ``design`` in proportion to the range of this design's weights.
+        protocol, seed: loading paths.
+        loads: of their set-points: ``released`` as they are, for D=130 T=8 in Smooth-Sil 950; ``design`` in proportion
+            to the range of this design's weights.
         azimuths: labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.

@@ -27,7 +27,8 @@ class PathState:
 
     Attributes:
         step: its number in the path.
-        end: state when the exposure ends. begin: when it began (the same object for a state at rest).
+        end: state when the exposure ends.
+        begin: when it began (the same object for a state at rest).
     """
 
     step: int
@@ -43,7 +44,8 @@ def path_states(
     With rate effects they are lost to the end: what the shell would remember is not known.
 
     Args:
-        simulator: solves the states. path: where the body goes.
+        simulator: solves the states.
+        path: where the body goes.
         body: what presses; None for a plane at the path's tilt.
 
     Raises:

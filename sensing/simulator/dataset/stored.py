@@ -33,7 +33,8 @@ def require_same_states(folder: Path, request: DataRequest) -> None:
     """Refuse a set whose states are not those of a request.
 
     Raises:
-        FileError: no such set. ParameterError: other options, pictures instead of states, or a protocol of motions.
+        FileError: no such set.
+        ParameterError: other options, pictures instead of states, or a protocol of motions.
     """
     found = ADDED_SINCE | read_manifest(folder)["request"]
     other = [f.name for f in fields(request) if found.get(f.name) != getattr(request, f.name)]
@@ -53,10 +54,12 @@ def stored_states(folder: Path, path: LoadPath) -> tuple[list[PathState], list[s
     """States of a path and its refusals, as :func:`sensing.simulator.dataset.states.path_states` gave them.
 
     Args:
-        folder: of the set. path: one that it holds.
+        folder: of the set.
+        path: one that it holds.
 
     Raises:
-        FileError: the path is not there. ParameterError: the shard's path has another plane (another --azimuths).
+        FileError: the path is not there.
+        ParameterError: the shard's path has another plane (another --azimuths).
     """
     file = _shard_of_path(folder).get(path.number)
     if file is None:

@@ -46,9 +46,10 @@ def write_dataset(
     """Write the shards that are missing.
 
     Args:
-        request: what to make. folder: where; an unfinished set of the same request is completed, and a larger one
-            stays the larger one.
-        workers: processes on this machine. scheduler: address of a Dask scheduler to use instead.
+        request: what to make.
+        folder: where; an unfinished set of the same request is completed, and a larger one stays the larger one.
+        workers: processes on this machine.
+        scheduler: address of a Dask scheduler to use instead.
         stored: set whose solved states are taken instead of solving them (:mod:`sensing.simulator.dataset.stored`).
 
     Returns:

@@ -24,7 +24,9 @@ def load_path(protocol: str, seed: int, number: int, azimuths: int) -> LoadPath:
     """Path of a protocol by its name.
 
     Args:
-        protocol: a name in :data:`PROTOCOLS`. seed: of the data set. number: of the path.
+        protocol: a name in :data:`PROTOCOLS`.
+        seed: of the data set.
+        number: of the path.
         azimuths: how many azimuths are labelled from it.
 
     Raises:

@@ -34,7 +34,8 @@ def dynamic_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One motion; circle, stick-slip and impact in turn.
 
     Args:
-        seed: of the data set. number: of the path.
+        seed: of the data set.
+        number: of the path.
         azimuths: how many azimuths (any, uniform) are labelled from it.
     """
     rng = np.random.default_rng([seed, number, 1])

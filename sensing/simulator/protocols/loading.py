@@ -40,7 +40,8 @@ class LoadPath:
         tilt_deg, friction: of the plane.
         azimuths_deg: azimuths for which the solved states are labelled (rotations of one solution).
         waypoints: frames in order.
-        exposure_s: of the camera; 0 for states at rest. latency_s: from mid-exposure to publication.
+        exposure_s: of the camera; 0 for states at rest.
+        latency_s: from mid-exposure to publication.
         scene, endcap: of a robot, -1 without.
         T_world_sphere: that endcap's rotation and its sphere's centre, heights from the lowest endcap's centre (4 x 4,
             row by row); empty without a robot.

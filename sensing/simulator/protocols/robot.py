@@ -27,7 +27,8 @@ def robot_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One endcap of a scene; the number of contacts is 0, 1, 2, 3 in turn.
 
     Args:
-        seed: of the data set. number: of the path, six times the scene plus the endcap.
+        seed: of the data set.
+        number: of the path, six times the scene plus the endcap.
         azimuths: not used; every endcap stands as the robot does.
     """
     scene, endcap = divmod(number, ENDCAPS)

@@ -27,7 +27,8 @@ def static_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One trial of the static protocol.
 
     Args:
-        seed: of the data set. number: of the path.
+        seed: of the data set.
+        number: of the path.
         azimuths: how many azimuths (any, uniform) are labelled from it.
     """
     rng = np.random.default_rng([seed, number])

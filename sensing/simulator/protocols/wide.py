@@ -31,7 +31,8 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One press: set-points up to the top load with some travel, an arc at the top, unloading.
 
     Args:
-        seed: of the data set. number: of the path.
+        seed: of the data set.
+        number: of the path.
         azimuths: how many azimuths (any, uniform) are labelled from it.
     """
     rng = np.random.default_rng([seed, number, 3])
@@ -43,7 +44,9 @@ def steep_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """The same far from the tip.
 
     Args:
-        seed: of the data set. number: of the path. azimuths: how many are labelled from it.
+        seed: of the data set.
+        number: of the path.
+        azimuths: how many are labelled from it.
     """
     rng = np.random.default_rng([seed, number, 4])
     tilt = STEEP_DEG + STEEP_STRATUM_DEG * (number % STRATA + float(rng.uniform()))

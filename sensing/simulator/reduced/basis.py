@@ -54,8 +54,10 @@ class TangentMap:
     """The elastic tangent by interpolation.
 
     Attributes:
-        places: weights of the modes at the training states (t, m). reach_mm: width of the Gaussians.
-        mean: K_mean (m, m). parts: C (t, m m).
+        places: weights of the modes at the training states (t, m).
+        reach_mm: width of the Gaussians.
+        mean: K_mean (m, m).
+        parts: C (t, m m).
     """
 
     places: Array
@@ -75,11 +77,16 @@ class ReducedModel:
 
     Attributes:
         modes: V over the unknowns (u, m), orthonormal.
-        cells: chosen elements (k,). weights: w (k,). element_modes: V over their nodes (k, 81, m).
+        cells: chosen elements (k,).
+        weights: w (k,).
+        element_modes: V over their nodes (k, 81, m).
         data: element data of the chosen ones, volumes not weighted.
         tangents: elastic tangent by interpolation.
-        faces: faces that may touch (f,). surface: their quadrature, nodes numbered within. nodes: those nodes (s,).
-        node_modes: V over them (3 s, m). face_modes: V over each face's nodes (f, 27, m).
+        faces: faces that may touch (f,).
+        surface: their quadrature, nodes numbered within.
+        nodes: numbers of the nodes of these faces (s,).
+        node_modes: V over them (3 s, m).
+        face_modes: V over each face's nodes (f, 27, m).
         estimate_factor: marker error over the indicator (:mod:`sensing.simulator.reduced.press`), 95 % of states.
     """
 
@@ -113,7 +120,9 @@ def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> l
     """Level 2 states along winding paths of normal and tangential force; a refused step begins a new path.
 
     Args:
-        fast: level 2 press. states: how many. seed: of the paths.
+        fast: level 2 press.
+        states: how many.
+        seed: of the paths.
 
     Raises:
         Refusal: too few states could be solved.
@@ -144,8 +153,10 @@ def reduced_model(
     """Modes and cubature from states; ``estimate_factor`` is infinite until it was judged.
 
     Args:
-        model: the shell. states: of training, under load (:func:`training_states`).
-        modes: how many. cubature_error: relative, of the projected internal forces.
+        model: the shell.
+        states: of training, under load (:func:`training_states`).
+        modes: how many.
+        cubature_error: relative, of the projected internal forces.
     """
     solid, surface = model.solid, model.surface
     loads = np.array([state.normal_n for state in states])
@@ -210,7 +221,9 @@ def mirrored(points: Array, fields: Array, sign: float) -> Array:
     """Part of fields (s, n, 3) that is symmetric (sign 1) or antisymmetric (-1) in y = 0.
 
     Args:
-        points: (n, 3) where they are known, each with its mirror image. fields: (s, n, 3). sign: which part.
+        points: (n, 3) where they are known, each with its mirror image.
+        fields: (s, n, 3).
+        sign: which part.
     """
     mirror = np.array([1.0, -1.0, 1.0])
     _, twin = cKDTree(points).query(points * mirror)
@@ -257,7 +270,8 @@ def sparse_weights(table: Array, wanted: Array, error: float) -> tuple[Index, Ar
     """Few columns (k,) of a table and weights >= 0 (k,) whose sum is the wanted one; at most :data:`MAX_ELEMENTS`.
 
     Args:
-        table: (r, e). wanted: sum to reach (r,).
+        table: (r, e).
+        wanted: sum to reach (r,).
         error: norm of what may be missing over the norm of ``wanted``.
     """
     gram, goal = table.T @ table, table.T @ wanted

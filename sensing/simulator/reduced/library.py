@@ -41,7 +41,9 @@ class LibraryStates:
 
     Attributes:
         weights: of the modes (s, r), mm.
-        wrench: on the endcap at its origin (s, 6). depth_mm, patch_mm2: (s,). shift_mm: (s, 2).
+        wrench: on the endcap at its origin (s, 6).
+        depth_mm, patch_mm2: (s,).
+        shift_mm: (s, 2).
         error_estimate: expected relative rms error of the markers (s,).
         inside: whether the state lies in the fitted range (s,).
     """
@@ -61,7 +63,8 @@ class Library:
 
     Attributes:
         tilt_deg: fitted tilts, ascending (t,).
-        normal_n: range of the normal force (2,). cone: tau, largest T / N fitted (1,).
+        normal_n: range of the normal force (2,).
+        cone: tau, largest T / N fitted (1,).
         powers: degrees of the terms in (N, tx, ty) (p, 3); even ones in ty first.
         even, odd: coefficients (t, pe, re), (t, po, ro), of weights and then scalars.
         even_below, odd_below: the same of the fit of one degree less.
@@ -86,7 +89,8 @@ class Library:
         """States at tilts, normal and tangential forces.
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg, normal_n: (s,), degrees and N.
+            tangential_n: along (meridian, lateral) (s, 2), N.
         """
         tilt_deg, normal_n = np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(normal_n, float))
         tangential_n = np.asarray(tangential_n, float).reshape(-1, 2)
@@ -106,7 +110,8 @@ class Library:
         """Which states (s,) lie in the fitted range.
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg, normal_n: (s,), degrees and N.
+            tangential_n: along (meridian, lateral) (s, 2), N.
         """
         low, high = self.normal_n
         return np.asarray(
@@ -179,8 +184,10 @@ def local_variables(normal_n: Array, tangential_n: Array, normal_range: Array, c
     """Polynomial variables (s, 3): N on -1..1, and T over tau N.
 
     Args:
-        normal_n: (s,), N. tangential_n: along (meridian, lateral) (s, 2), N.
-        normal_range: least and largest fitted N (2,). cone: tau, largest fitted T / N.
+        normal_n: (s,), N.
+        tangential_n: along (meridian, lateral) (s, 2), N.
+        normal_range: least and largest fitted N (2,).
+        cone: tau, largest fitted T / N.
     """
     low, high = normal_range
     first = (2 * normal_n - low - high) / (high - low)

@@ -63,7 +63,9 @@ def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> I
     """Normal force and tangential force (2,) asked of D=130 T=8 in Smooth-Sil 950, N, state by state.
 
     Args:
-        rng: source of the path's random numbers. states: how many. cone: largest T / N.
+        rng: source of the path's random numbers.
+        states: how many.
+        cone: largest T / N.
     """
     low, high = NORMAL_N
     angle, phase, press = (float(rng.uniform(0, 2 * math.pi)) for _ in range(3))
@@ -81,8 +83,11 @@ def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, f
     """Solve one winding path at a tilt; a refused state ends it, and a new path goes on.
 
     Args:
-        simulator: of the shell. tilt_deg: of the plane. states: how many.
-        seed: of the path, together with the tilt. friction: Coulomb's mu.
+        simulator: of the shell.
+        tilt_deg: of the plane.
+        states: how many.
+        seed: of the path, together with the tilt.
+        friction: Coulomb's mu.
     """
     rng = np.random.default_rng([seed, round(1000 * tilt_deg)])
     scene = Scene(Indenter(tilt_deg), friction)
@@ -109,7 +114,9 @@ def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Li
     """Library from solved states: at least as many at each tilt as the polynomial has terms.
 
     Args:
-        simulator: of the shell. samples: solved states at all tilts. degree: total, of the polynomials.
+        simulator: of the shell.
+        samples: solved states at all tilts.
+        degree: total, of the polynomials.
 
     Raises:
         ParameterError: too few states.
@@ -187,7 +194,9 @@ def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Li
     """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2).
 
     Args:
-        simulator: of the shell, level 2. states: at each tilt. seed: of the paths.
+        simulator: of the shell, level 2.
+        states: at each tilt.
+        seed: of the paths.
     """
     samples: list[Sample] = []
     for count, tilt in enumerate(TILTS_DEG):

@@ -77,8 +77,10 @@ class LibraryLevel:
         """Many states of a plane; ``level`` is 2 where the answer must not be used (see :func:`trusted`).
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N. tangential_n: along (meridian, lateral) (s, 2), N.
-            friction: Coulomb's mu. azimuth_deg: of the contact, one for all.
+            tilt_deg, normal_n: (s,), degrees and N.
+            tangential_n: along (meridian, lateral) (s, 2), N.
+            friction: Coulomb's mu.
+            azimuth_deg: of the contact, one for all.
         """
         found = self.library.states(tilt_deg, normal_n, tangential_n)
         sampler = self.shell.sampler(azimuth_deg)
@@ -91,7 +93,9 @@ def trusted(found: LibraryStates, normal_n: Array, tangential_n: Array, friction
     """Which states (s,) lie in the fitted range, within the friction cone and under the limit of the estimate.
 
     Args:
-        found: the library's answers. normal_n: asked for (s,), N. tangential_n: likewise (s, 2), N.
+        found: the library's answers.
+        normal_n: asked for (s,), N.
+        tangential_n: likewise (s, 2), N.
         friction: Coulomb's mu.
     """
     sliding = np.linalg.norm(tangential_n, axis=1) > tangential.MAX_CONE_SHARE * friction * np.asarray(normal_n)

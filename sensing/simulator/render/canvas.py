@@ -20,8 +20,10 @@ class Canvas:
 
     Attributes:
         texture: (n, n, 4) float32 reflectance blue, green, red and ink.
-        points: (n, n, 3) texels on the sphere, mm. extent: disc coordinate of the texture's edge.
-        centre: (3,) of the sphere. radius: mm.
+        points: (n, n, 3) texels on the sphere, mm.
+        extent: disc coordinate of the texture's edge.
+        centre: (3,) of the sphere.
+        radius: mm.
     """
 
     texture: Floats
@@ -74,8 +76,10 @@ def mix(window: Floats, color: ArrayLike, cover: ArrayLike, glossy: ArrayLike) -
     """Lay a colour over a texture window by coverage.
 
     Args:
-        window: (h, w, 4) of the texture, changed in place. color: blue, green, red, (3,) or (h, w, 3).
-        cover: coverage 0..1 (h, w). glossy: share of the colour that reflects like ink, a number or (h, w).
+        window: (h, w, 4) of the texture, changed in place.
+        color: blue, green, red, (3,) or (h, w, 3).
+        cover: coverage 0..1 (h, w).
+        glossy: share of the colour that reflects like ink, a number or (h, w).
     """
     cover = np.asarray(cover)[..., None]
     window[..., :3] += cover * (np.asarray(color) - window[..., :3])

@@ -26,7 +26,9 @@ def dent(canvas: Canvas, at: Array, radius_mm: float, depth_mm: float) -> None:
     """The faint outline of a dent: its flank turns away from the light.
 
     Args:
-        canvas: painted on. at: centre of the dent on the sphere (3,), mm. radius_mm, depth_mm: of the dent.
+        canvas: painted on.
+        at: centre of the dent on the sphere (3,), mm.
+        radius_mm, depth_mm: of the dent.
     """
     window, a, b, texel = canvas.patch(at, radius_mm + 0.5)
     width = max(0.5 * depth_mm, texel)
@@ -38,9 +40,12 @@ def ink_dot(canvas: Canvas, at: Array, radius_mm: float, paint: Paint, rng: np.r
     """Fill a dent, with what ran over its edge and what a sleeve dragged along.
 
     Args:
-        canvas: painted on. at: centre of the ink on the sphere (3,), mm. radius_mm: of its dent.
+        canvas: painted on.
+        at: centre of the ink on the sphere (3,), mm.
+        radius_mm: of its dent.
         paint: look of the ink.
-        rng: this dot's own random numbers. smeared: whether a sleeve dragged ink along.
+        rng: this dot's own random numbers.
+        smeared: whether a sleeve dragged ink along.
     """
     radius = radius_mm * paint.radius_scale * (1 + paint.size_spread * rng.standard_normal())
     away = np.arccos(np.clip((at[2] - canvas.centre[2]) / canvas.radius, -1, 1)) / (np.pi / 2)
@@ -102,7 +107,9 @@ def dirt(canvas: Canvas, params: EndcapParams, paint: Paint, seed: int) -> None:
     """False dots, specks and the written mark.
 
     Args:
-        canvas: painted on. params: the design. paint: how many false dots and specks, look of the ink, text.
+        canvas: painted on.
+        params: the design.
+        paint: how many false dots and specks, look of the ink, text.
         seed: fixes where they are.
     """
     rng = np.random.default_rng([seed, 3])

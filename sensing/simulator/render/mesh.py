@@ -98,8 +98,10 @@ def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, nei
     order in the node spacing, and needs no connectivity, so any mechanics mesh will do.
 
     Args:
-        params: the design. from_mm: undeformed nodes of the inner surface (n, 3), mm.
-        to_mm: points of the undeformed inner surface (t, 3), mm. neighbours: nodes used for each point.
+        params: the design.
+        from_mm: undeformed nodes of the inner surface (n, 3), mm.
+        to_mm: points of the undeformed inner surface (t, 3), mm.
+        neighbours: nodes used for each point.
 
     Raises:
         ParameterError: fewer than ``neighbours`` nodes, numbers that are not finite, nodes off the inner sphere by

@@ -73,7 +73,8 @@ def interpolate(owner: NDArray[np.int32], weights: Floats, values: Floats, trian
 
     Args:
         owner, weights: triangle of each pixel (h, w) and barycentric weights (h, w, 2), of :func:`rasterise`.
-        values: at the vertices (n, CHANNELS). triangles: (m, 3) vertex numbers.
+        values: at the vertices (n, CHANNELS).
+        triangles: (m, 3) vertex numbers.
     """
     height, width = owner.shape
     out = np.zeros((CHANNELS, height, width), np.float32)
@@ -109,8 +110,10 @@ def draw(
         owner: (gh, gw) triangle at the grid's points (pixel 0, cell, 2 cell, ... one beyond the picture), -1 for none.
         seen: (CHANNELS, gh, gw) disc x, disc y, irradiance, silicone lobe, ink lobe there.
         cell: pixels between the grid's points.
-        texture: (t, t, 4) skin. extent: disc coordinate of its edge.
-        transmission: (h, w) of the lens. weights: (3, 3) ambient light, silicone gloss and ink gloss, each per colour.
+        texture: (t, t, 4) skin.
+        extent: disc coordinate of its edge.
+        transmission: (h, w) of the lens.
+        weights: (3, 3) ambient light, silicone gloss and ink gloss, each per colour.
 
     Returns:
         Light (h, w, 3), and whether the surface ends inside a cell that the lens shows (then the light is not to be

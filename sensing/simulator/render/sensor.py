@@ -69,7 +69,8 @@ def defocus(radiance: Floats, optics: Optics, edge_weight: Floats) -> Floats:
     """Blur that grows from the axis to the edge: a mix of two Gaussians.
 
     Args:
-        radiance: (h, w, 3). optics: widths of both Gaussians, px at 480 rows.
+        radiance: (h, w, 3).
+        optics: widths of both Gaussians, px at 480 rows.
         edge_weight: (h, w) share of the wider one, 0..1.
     """
     scale = radiance.shape[0] / 480
@@ -103,8 +104,11 @@ def signal_of(radiance: Floats, noise: Floats, exposure: float, gain: float, ful
     signal = gain (exposure L + n sqrt(exposure L / F + (r / F)^2)).
 
     Args:
-        radiance: L (h, w, 3). noise: n, standard normals, one for each number of ``radiance``.
-        exposure, gain: factors. full_well: F, electrons at signal 1. read: r, read noise, electrons.
+        radiance: L (h, w, 3).
+        noise: n, standard normals, one for each number of ``radiance``.
+        exposure, gain: factors.
+        full_well: F, electrons at signal 1.
+        read: r, read noise, electrons.
     """
     out = np.empty_like(radiance)
     light, result, normal = radiance.ravel(), out.ravel(), noise.ravel()

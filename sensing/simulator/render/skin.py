@@ -140,7 +140,9 @@ def smooth_noise(rng: np.random.Generator, cells: int, texels: int) -> Array:
     """(texels, texels) standard normals at ``cells`` x ``cells`` points, smooth between.
 
     Args:
-        rng: source of the normals. cells: points along a side. texels: side of the result.
+        rng: source of the normals.
+        cells: points along a side.
+        texels: side of the result.
     """
     return np.asarray(cv2.resize(rng.normal(0, 1, (cells, cells)), (texels, texels), interpolation=cv2.INTER_CUBIC))
 

@@ -38,7 +38,8 @@ class RobotDesign:
     """Which robot: all six endcaps are alike.
 
     Attributes:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
     """
 
     params: EndcapParams = PARAMS
@@ -68,7 +69,8 @@ class Moment:
     """Where the scene is.
 
     Attributes:
-        stand: 0, 1, 2 for one, two, three endcaps on the ground; -1 in the air. step: of the ramp, 0..RAMP.
+        stand: 0, 1, 2 for one, two, three endcaps on the ground; -1 in the air.
+        step: of the ramp, 0..RAMP.
     """
 
     stand: int
@@ -89,7 +91,10 @@ class Film:
     """All pictures of the scene.
 
     Attributes:
-        scene: its states. pictures: JPEG by key. moments: of one round. weight_n: of the robot.
+        scene: its states.
+        pictures: JPEG by key.
+        moments: of one round.
+        weight_n: of the robot.
     """
 
     scene: RobotScene
@@ -126,11 +131,13 @@ def load_film(
     """The film, from ``folder`` where an earlier call left it, else rendered (some seconds) and left there.
 
     Args:
-        folder: None to keep nothing. progress: called with (pictures made, pictures in all).
+        folder: None to keep nothing.
+        progress: called with (pictures made, pictures in all).
         robot: which one; None for that of D=130 T=8.
 
     Raises:
-        ParameterError: a design outside the library of states. FileError: no states.
+        ParameterError: a design outside the library of states.
+        FileError: no states.
     """
     robot = robot or RobotDesign()
     (scene, weight_n), moments = robot.scene(), timeline()

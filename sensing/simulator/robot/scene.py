@@ -60,7 +60,8 @@ class RobotScene:
         touching: (3, 6) which endcaps stand.
         azimuth_deg: (3, 6) of the contact, endcap frame.
         wrench: (3, 6, S, 6) on the endcap, N and N m, for the :data:`SHARES`.
-        coefficients: (3, 6, S, M) of the modes. modes: (M, n, 3) mm at the renderer's draft nodes.
+        coefficients: (3, 6, S, M) of the modes.
+        modes: (M, n, 3) mm at the renderer's draft nodes.
     """
 
     T_robot_endcap: Array
@@ -75,7 +76,9 @@ class RobotScene:
         """((n, 3) displacement at azimuth 0, (6,) wrench, N and N m) of an endcap under a share of its load.
 
         Args:
-            stand: 0, 1, 2: on one, two, three endcaps. endcap: 0 to 5. share: of its load, 0..1.
+            stand: 0, 1, 2: on one, two, three endcaps.
+            endcap: 0 to 5.
+            share: of its load, 0..1.
         """
         shares = (0.0, *SHARES)
         zero = np.zeros(1)
@@ -144,7 +147,9 @@ def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int)
     """((S, n, 3) displacement at azimuth 0 at the renderer's draft nodes, (S, 6) wrench in N and N m).
 
     Args:
-        simulator: of the shell. plan: what is to be solved. stand, endcap: one of :meth:`ScenePlan.places`.
+        simulator: of the shell.
+        plan: what is to be solved.
+        stand, endcap: one of :meth:`ScenePlan.places`.
 
     Raises:
         FileError: a state that the simulator refuses.

@@ -32,9 +32,12 @@ class Stand:
     """The robot on the ground.
 
     Attributes:
-        rotation: (6, 3, 3) endcap axes in the world. centre_mm: (6, 3) of the endcaps' spheres, lowest at height 0.
-        mass_centre_mm: (3,). touching: (6,) which endcaps stand.
-        force_n: (6, 3) of the ground on each endcap. rope_n: (6,) upward, of the rope at each endcap.
+        rotation: (6, 3, 3) endcap axes in the world.
+        centre_mm: (6, 3) of the endcaps' spheres, lowest at height 0.
+        mass_centre_mm: (3,).
+        touching: (6,) which endcaps stand.
+        force_n: (6, 3) of the ground on each endcap.
+        rope_n: (6,) upward, of the rope at each endcap.
     """
 
     rotation: Array
@@ -64,7 +67,8 @@ def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> St
     """A stand on 0 to 3 endcaps of the lower ring, the robot turned at random about the vertical.
 
     Args:
-        rng: source of the random numbers. contacts: how many endcaps stand, 0 to 3.
+        rng: source of the random numbers.
+        contacts: how many endcaps stand, 0 to 3.
         friction: Coulomb's mu; it limits what cables pull.
     """
     endcaps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T

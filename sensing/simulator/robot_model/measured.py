@@ -30,8 +30,8 @@ class Ramp:
 
     Attributes:
         depth_mm, normal_n: (n,) of the contact, rising.
-        sensor: (n, 6) force and torque sensors, N and N m. contact: (n, 6) wrench of the ground on the endcap about
-            the mating plane's centre, the same units.
+        sensor: (n, 6) force and torque sensors, N and N m.
+        contact: (n, 6) wrench of the ground on the endcap about the mating plane's centre, the same units.
         shell_n: (3,) weight of the moving shell, which the sensors feel too.
     """
 
@@ -60,7 +60,9 @@ class Rig:
     """An endcap's file on a slide over a plane.
 
     Args:
-        path: MJCF of one endcap. tilt_deg, azimuth_deg: where the plane touches. carried_kg: besides the endcap.
+        path: MJCF of one endcap.
+        tilt_deg, azimuth_deg: where the plane touches.
+        carried_kg: besides the endcap.
         travels: whether it may also move along the meridian.
         name: of its body.
 

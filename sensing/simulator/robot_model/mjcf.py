@@ -83,7 +83,8 @@ def endcap_pieces(
     """One endcap for a robot's file.
 
     Args:
-        model: springs, dampers, friction. bodies: masses.
+        model: springs, dampers, friction.
+        bodies: masses.
         name: of the body, and the beginning of all other names.
         place: attributes ``pos`` and ``quat`` of the body in its parent.
         meshes: files (m) of ``base`` and ``shell``; None draws the sphere alone.
@@ -105,7 +106,9 @@ def shell_body(
     """The moving dome alone, for a body whose frame is the endcap's.
 
     Args:
-        model: springs, dampers, friction. shell: mass that moves. name: as in :func:`endcap_pieces`.
+        model: springs, dampers, friction.
+        shell: mass that moves.
+        name: as in :func:`endcap_pieces`.
         meshes: as there.
     """
     spring, (radial, axial) = model.stiffness, model.damping_n_s_m
@@ -146,7 +149,9 @@ def endcap_file(pieces: Pieces, title: str, comment: str) -> str:
     """A whole MJCF file.
 
     Args:
-        pieces: of the endcap. title: name of the model. comment: first lines of the file.
+        pieces: of the endcap.
+        title: name of the model.
+        comment: first lines of the file.
     """
     said = comment.replace("--", "- -")
     return (

@@ -28,10 +28,12 @@ class RobotModel:
     """The contact of one endcap.
 
     Attributes:
-        params: the design. silicone: row of cad/materials.csv.
+        params: the design.
+        silicone: row of cad/materials.csv.
         stiffness: of the sphere's centre on the base, N/mm.
         damping_s: damping over linear stiffness of each slide; 0 where the silicone has no Prony series.
-        friction: Coulomb's mu of the sphere. torsion_m: torque about the normal over the normal force at slip.
+        friction: Coulomb's mu of the sphere.
+        torsion_m: torque about the normal over the normal force at slip.
         states: to which it was fitted, and those held out.
     """
 
@@ -71,7 +73,9 @@ def robot_model(params: EndcapParams, silicone_name: str = DEFAULT_SILICONE, fri
     """Fit an endcap (seconds; by similarity, no shell is pressed).
 
     Args:
-        params: the design. silicone_name: row of cad/materials.csv. friction: Coulomb's mu with the ground.
+        params: the design.
+        silicone_name: row of cad/materials.csv.
+        friction: Coulomb's mu with the ground.
 
     Raises:
         ParameterError: unknown silicone, a design outside the library's range, or one that snaps too early.
@@ -87,7 +91,8 @@ def loss_time_s(prony: tuple[tuple[float, float], ...], rate_rad_s: float) -> fl
     """Damping over stiffness with which a slide loses what the silicone loses in a swing: G'' / (omega G_inf).
 
     Args:
-        prony: pairs (g, tau_s). rate_rad_s: angular frequency of the swing.
+        prony: pairs (g, tau_s).
+        rate_rad_s: angular frequency of the swing.
     """
     return sum(b * tau / (1 + (rate_rad_s * tau) ** 2) for b, tau in over_slow(prony))
 

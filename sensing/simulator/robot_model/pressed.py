@@ -67,7 +67,8 @@ def pressed_states(geometry: ShellGeometry, shear_mpa: float) -> PressedStates:
     """States of a shell: curves to 0.3 R at three tilts, and the library's paths until they near slip.
 
     Args:
-        geometry: the shell. shear_mpa: shear modulus of its silicone.
+        geometry: the shell.
+        shear_mpa: shear modulus of its silicone.
 
     Raises:
         ParameterError: a shell outside the library's range.

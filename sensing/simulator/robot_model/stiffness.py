@@ -30,7 +30,8 @@ class ShellStiffness:
     """Springs of the sphere's centre.
 
     Attributes:
-        radial_n_mm, axial_n_mm: linear, N/mm. radial_cubic_n_mm3, axial_cubic_n_mm3: cubic, N/mm3.
+        radial_n_mm, axial_n_mm: linear, N/mm.
+        radial_cubic_n_mm3, axial_cubic_n_mm3: cubic, N/mm3.
     """
 
     radial_n_mm: float

@@ -62,7 +62,8 @@ def library_source(simulator: Simulator, library: Library | None = None) -> Stat
     """States of a shell by similarity, for the library's own paths.
 
     Args:
-        simulator: of the shell. library: None for the one that ships.
+        simulator: of the shell.
+        library: None for the one that ships.
     """
     geometry, units = simulator.geometry, wrench_units(simulator.geometry.outer_radius_mm, simulator.law.shear_mpa)
     states = (library or load_library()).states(ShellRatios.of(geometry))

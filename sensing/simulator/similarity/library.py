@@ -57,8 +57,10 @@ class StoredStates:
     """The same states of all nodes; K nodes, S states, M modes.
 
     Attributes:
-        coefficients: (K, S, M). wrench: (K, S, 6) and labels: (K, S, 4) with forces in mu T^2 and torques in mu T^2 R,
-            in which they hardly change from node to node; NaN where a node could not be solved.
+        coefficients: (K, S, M) of the surface modes.
+        wrench: (K, S, 6) with forces in mu T^2 and torques in mu T^2 R, units in which they hardly change from node to
+            node; NaN where a node could not be solved.
+        labels: (K, S, 4) in the same units.
     """
 
     coefficients: NDArray[np.float16]
@@ -74,7 +76,8 @@ class StoredStates:
         """(S, ...) a table of the nodes, mixed.
 
         Args:
-            weights: (K, S), 0 where a node has no state. name: of the table.
+            weights: (K, S), 0 where a node has no state.
+            name: of the table.
         """
         return np.einsum("ks,ksm->sm", weights, np.nan_to_num(getattr(self, name).astype(float)), optimize=True)
 
@@ -84,8 +87,10 @@ class Library:
     """Solved nodes.
 
     Attributes:
-        ratios: (K, 2) T/R and clamp/R. modes: (M, n, 3) of the surface.
-        travel: states of the library's paths. standing: of the simulated robot's stands.
+        ratios: (K, 2) T/R and clamp/R.
+        modes: (M, n, 3) of the surface.
+        travel: states of the library's paths.
+        standing: of the simulated robot's stands.
         curves: (K, 3, 15, 4) :data:`sensing.simulator.similarity.node.CAPACITY` by tilt and depth, forces in mu T^2.
         paths: digest of the paths.
     """
@@ -101,7 +106,8 @@ class Library:
         """(K,) weights of the nodes for a shell; they sum to 1, and are 1 and 0 at a node.
 
         Args:
-            ratios: of the shell. nodes: (K,) which may be used; all by default.
+            ratios: of the shell.
+            nodes: (K,) which may be used; all by default.
 
         Raises:
             ParameterError: a shell outside the nodes' range.
@@ -137,7 +143,8 @@ class Library:
         for it; where it counts, the state is left out.
 
         Args:
-            stored: the states. ratios: of the shell.
+            stored: the states.
+            ratios: of the shell.
         """
         solved, weights = stored.solved, self.blend(ratios)
         found, known = np.zeros(solved.shape), np.zeros(solved.shape[1], dtype=bool)
@@ -194,7 +201,9 @@ def solved_node(library: Library, number: int, standing: bool) -> SolvedNode:
     """A node out of a library again, as exact as its modes; states that could not be solved are NaN.
 
     Args:
-        library: which. number: of the node. standing: its stands instead of its travel and curves.
+        library: which.
+        number: of the node.
+        standing: its stands instead of its travel and curves.
     """
     stored, wall = library.standing if standing else library.travel, float(library.ratios[number, 0])
     surface = np.tensordot(stored.coefficients[number].astype(float), library.modes.astype(float), axes=1)

@@ -26,6 +26,7 @@ def file_name(part: str, design: Design) -> str:
     """Name of a solved node's file.
 
     Args:
-        part: ``node`` or ``stands``. design: D and T, mm.
+        part: ``node`` or ``stands``.
+        design: D and T, mm.
     """
     return f"{part}_D{design[0]:g}_T{design[1]:g}.npz"

@@ -37,7 +37,8 @@ def library_path(number: int, azimuths: int = 4) -> LoadPath:
     """One path; its kind of travel goes by ``number % 3``, its tilt by the shard.
 
     Args:
-        number: identity. azimuths: how many azimuths (any, uniform) are labelled from it.
+        number: identity.
+        azimuths: how many azimuths (any, uniform) are labelled from it.
     """
     rng = np.random.default_rng([SEED, number])
     tilt = TILTS_DEG[number // PATHS_PER_TILT % len(TILTS_DEG)]

@@ -62,7 +62,9 @@ class LoadScale:
     same share of the friction cone.
 
     Attributes:
-        force: factor on forces. shift: on tangential travel. depth: on depths.
+        force: factor on forces.
+        shift: on tangential travel.
+        depth: on depths.
     """
 
     force: float

@@ -26,7 +26,10 @@ def modes_at(library: Library, geometry: ShellGeometry, directions: Array, azimu
     """(M, d, 3) modes at directions (d, 3) from the sphere's centre, for a contact at an azimuth.
 
     Args:
-        library: whose modes. geometry: the shell. directions: unit vectors. azimuth_deg: of the contact.
+        library: whose modes.
+        geometry: the shell.
+        directions: unit vectors.
+        azimuth_deg: of the contact.
 
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.

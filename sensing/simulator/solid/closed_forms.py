@@ -16,7 +16,9 @@ def reissner_stiffness_n_mm(young_mpa: float, poisson: float, radius_mm: float, 
     """Stiffness of a thin spherical shell under a point load, F / w.
 
     Args:
-        young_mpa, poisson: E and nu. radius_mm: R, the middle radius. wall_mm: T.
+        young_mpa, poisson: E and nu.
+        radius_mm: R, the middle radius.
+        wall_mm: T.
 
     Notes:
         F / w = 8 D / l^2 = 4 E T^2 / (R sqrt(3 (1 - nu^2))), D = E T^3 / (12 (1 - nu^2)) and
@@ -35,7 +37,9 @@ def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: 
     """Force on a solid elastic sphere (or of a rigid sphere on a half-space) at a depth.
 
     Args:
-        young_mpa, poisson: E and nu of what is elastic. radius_mm: R of the sphere. depth_mm: d, approach.
+        young_mpa, poisson: E and nu of what is elastic.
+        radius_mm: R of the sphere.
+        depth_mm: d, approach.
 
     Notes:
         F = 4/3 E* sqrt(R) d^(3/2), E* = E / (1 - nu^2), contact radius a = sqrt(R d) (Johnson 1985, Contact Mechanics,
@@ -53,7 +57,9 @@ def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, norma
     """Radius of the sticking core of a Hertz contact under a tangential force.
 
     Args:
-        contact_radius_mm: a. tangential_n, normal_n: Q and P. friction: mu.
+        contact_radius_mm: a.
+        tangential_n, normal_n: Q and P.
+        friction: mu.
 
     Notes:
         c = a (1 - Q / (mu P))^(1/3) (Cattaneo 1938, Mindlin 1949; Johnson 1985, eq. 7.40). Zero once Q >= mu P.
@@ -65,7 +71,8 @@ def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: 
     """Force of a rigid plane that flattens a thin shell: Reissner's line, F = k d.
 
     Args:
-        geometry, law: the shell. depth_mm: d, approach of the plane.
+        geometry, law: the shell.
+        depth_mm: d, approach of the plane.
 
     Notes:
         A plane flattens the dome first (Updike, Kalnins 1970, doi:10.1115/1.3408580): the ring of contact grows and the
@@ -79,7 +86,8 @@ def inflated_sphere_pressure_mpa(shear_mpa: float, inner_stretch: float, outer_s
     """Pressure in an incompressible neo-Hookean thick sphere.
 
     Args:
-        shear_mpa: mu. inner_stretch, outer_stretch: la and lb, hoop stretches of inner and outer surface.
+        shear_mpa: mu.
+        inner_stretch, outer_stretch: la and lb, hoop stretches of inner and outer surface.
 
     Notes:
         p = 2 mu [(1/lb + 1/(4 lb^4)) - (1/la + 1/(4 la^4))] (Ogden 1984, Non-linear Elastic
@@ -98,7 +106,9 @@ def lame_displacement_mm(
     """Radial displacement of a thick sphere under small inner pressure.
 
     Args:
-        pressure_mpa: p. young_mpa, poisson: E and nu. inner_mm, outer_mm: radii a and b.
+        pressure_mpa: p.
+        young_mpa, poisson: E and nu.
+        inner_mm, outer_mm: radii a and b.
         radius_mm: r, where the displacement is wanted.
 
     Notes:

@@ -59,7 +59,9 @@ def energy_and_force(law: HyperelasticLaw, data: ElementData, displacement: Arra
     An element turned inside out gives infinite energy, which every line search refuses.
 
     Args:
-        law: hyperelastic constants. data: the undeformed elements. displacement: of their nodes (e, 27, 3), mm.
+        law: hyperelastic constants.
+        data: the undeformed elements.
+        displacement: of their nodes (e, 27, 3), mm.
     """
     energy, force = elastic_kernels.energy_force(
         displacement, data.rows, data.weight, data.psi, data.mass_inverse,
@@ -72,7 +74,9 @@ def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Arr
     """Consistent element tangents (e, 81, 81), symmetric, N/mm; degree of freedom ``3 a + i``.
 
     Args:
-        law: hyperelastic constants. data: the undeformed elements. displacement: of their nodes (e, 27, 3), mm.
+        law: hyperelastic constants.
+        data: the undeformed elements.
+        displacement: of their nodes (e, 27, 3), mm.
     """
     return elastic_kernels.tangent(
         displacement, data.gradient, data.weight, data.psi, data.mass_inverse,

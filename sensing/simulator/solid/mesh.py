@@ -84,7 +84,9 @@ def shell_mesh(geometry: ShellGeometry, density: MeshDensity, half: bool = False
     """Mesh of the shell.
 
     Args:
-        geometry: the shell. density: how fine. half: keep y >= 0 only, for paths in the mirror plane.
+        geometry: the shell.
+        density: how fine.
+        half: keep y >= 0 only, for paths in the mirror plane.
     """
     quads = _disc_quads(density)  # (q, 9, 2)
     if half:
@@ -121,7 +123,9 @@ def sphere_octant_mesh(inner_mm: float, outer_mm: float, across: int, layers: in
     """Octant x, y, z >= 0 of a thick sphere: three patches of a cubed sphere.
 
     Args:
-        inner_mm, outer_mm: radii. across: elements along an edge of a patch. layers: elements through the wall.
+        inner_mm, outer_mm: radii.
+        across: elements along an edge of a patch.
+        layers: elements through the wall.
     """
     lattice = np.tan(np.linspace(0.0, math.pi / 4, 2 * across + 1))
     radii = np.linspace(inner_mm, outer_mm, 2 * layers + 1)
@@ -142,7 +146,8 @@ def merge(cell_points: Array, outer: Index, inner: Index) -> HexMesh:
     """Mesh from each cell's own points: points nearer than 1e-6 of the size become one.
 
     Args:
-        cell_points: (e, 27, 3), mm. outer, inner: numbers of the cells that own such a face.
+        cell_points: (e, 27, 3), mm.
+        outer, inner: numbers of the cells that own such a face.
     """
     flat = cell_points.reshape(-1, 3)
     pitch = 1e-6 * float(np.ptp(flat, axis=0).max())

@@ -28,9 +28,12 @@ class Front:
     """One dense front: its unknowns (pivots first, then the contribution block), and where its parts come from.
 
     Attributes:
-        variables: unknowns, ascending (k,). pivot_count: how many are eliminated here.
-        elements: elements assembled here (leaf) and their unknowns' places, -1 where fixed (count, 81).
-        children: numbers of earlier fronts. child_places: places of their shared unknowns in this front.
+        variables: unknowns, ascending (k,).
+        pivot_count: how many are eliminated here.
+        elements: numbers of the elements assembled here (a leaf), (count,).
+        places: places of their unknowns in this front, -1 where fixed, (count, 81).
+        children: numbers of earlier fronts.
+        child_places: places of their shared unknowns in this front.
     """
 
     variables: Index
@@ -74,7 +77,8 @@ def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]
     """Elimination order and fronts.
 
     Args:
-        dofs: free degree of freedom of every element entry, -1 where fixed (e, 81). count: how many there are.
+        dofs: free degree of freedom of every element entry, -1 where fixed (e, 81).
+        count: how many there are.
         centroids: of the elements (e, 3).
 
     Returns:
@@ -111,7 +115,8 @@ class FrontalFactors:
     """Factors of a matrix given by elements.
 
     Args:
-        fronts: of :func:`plan`. blocks: element matrices (e, 81, 81), N/mm.
+        fronts: of :func:`plan`.
+        blocks: element matrices (e, 81, 81), N/mm.
         symmetric: True takes Cholesky, False LU.
 
     Raises:

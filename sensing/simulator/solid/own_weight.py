@@ -25,7 +25,8 @@ def nodal_mass_kg(model: ShellModel, density_g_cm3: float) -> Array:
     """(n,) share of the skin's mass that each node carries; of half of it on a half model.
 
     Args:
-        model: of the shell. density_g_cm3: of the silicone.
+        model: of the shell.
+        density_g_cm3: of the silicone.
     """
     mesh, (shape, _) = model.solid.mesh, shape_hex(volume_rule()[0])
     volume_mm3 = element_data(mesh).weight  # those of the solid are larger where a stiffer interlock is
@@ -37,7 +38,8 @@ def own_weight_displacement(model: ShellModel, density_g_cm3: float, gravity_m_s
     """Nodal displacement (n, 3) from the weightless shape, mm.
 
     Args:
-        model: the whole shell. density_g_cm3: of the silicone.
+        model: the whole shell.
+        density_g_cm3: of the silicone.
         gravity_m_s2: (3,) acceleration along which the skin falls, endcap frame.
     """
     solid = model.solid
@@ -53,7 +55,9 @@ def own_weight_profiles(model: ShellModel, density_g_cm3: float, polar_deg: Arra
     azimuth runs along -x). Of gravity along the axis: outward, and along the polar angle.
 
     Args:
-        model: the whole shell. density_g_cm3: of the silicone. polar_deg: (P,) from the tip.
+        model: the whole shell.
+        density_g_cm3: of the silicone.
+        polar_deg: (P,) from the tip.
     """
     polar = np.radians(polar_deg)
     zero = np.zeros_like(polar)

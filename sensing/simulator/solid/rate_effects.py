@@ -56,7 +56,9 @@ def isochoric_stress(law: HyperelasticLaw, solid: Solid, displacement: Array) ->
     """Second Piola-Kirchhoff stress of the isochoric energy (e, 27, 3, 3), MPa.
 
     Args:
-        law: hyperelastic constants. solid: its mesh and element data. displacement: nodal (n, 3), mm.
+        law: hyperelastic constants.
+        solid: its mesh and element data.
+        displacement: nodal (n, 3), mm.
     """
     gradient = elastic.deformation_gradient(solid.data, displacement[solid.mesh.cells])
     cauchy_green = gradient.swapaxes(2, 3) @ gradient
@@ -78,7 +80,10 @@ def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float)
     """The elastic solid that a step amounts to.
 
     Args:
-        solid: with its slow law. history: before the step. prony: pairs (g, tau_s). dt_s: length of the step.
+        solid: with its slow law.
+        history: before the step.
+        prony: pairs (g, tau_s).
+        dt_s: length of the step.
 
     Raises:
         ParameterError: ``dt_s`` is not positive.
@@ -99,8 +104,11 @@ def remember(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float, d
     """History after a step.
 
     Args:
-        solid: with its slow law. history: before the step. prony: pairs (g, tau_s).
-        dt_s: length of the step. displacement: nodal, at its end (n, 3), mm.
+        solid: with its slow law.
+        history: before the step.
+        prony: pairs (g, tau_s).
+        dt_s: length of the step.
+        displacement: nodal, at its end (n, 3), mm.
     """
     now = isochoric_stress(solid.law, solid, displacement)
     overstress = [

@@ -22,8 +22,9 @@ class ShellHalves:
     """Models of a shell; fields of either are read on :attr:`surface`, the half model's.
 
     Args:
-        geometry, law: the shell. density: of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own
-            numbers. interlock: stiffness of its zone (:func:`shell_model`).
+        geometry, law: the shell.
+        density: of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
+        interlock: stiffness of its zone (:func:`shell_model`).
 
     Raises:
         ParameterError: unknown density, or an interlock out of range.

@@ -38,7 +38,9 @@ class SurfaceSampler:
     """Interpolation from nodes to chosen points of the inner surface.
 
     Attributes:
-        nodes: (k, 9). weights: (k, 9). flip: -1 where the point lies on the mirrored half, else 1 (k,).
+        nodes: (k, 9).
+        weights: (k, 9).
+        flip: -1 where the point lies on the mirrored half, else 1 (k,).
         turn: rotation about the axis from azimuth 0 to the contact's azimuth (3, 3).
     """
 
@@ -60,8 +62,10 @@ class InnerSurface:
 
     Attributes:
         geometry: of the shell.
-        position: points at rest (k, 3). face: biquadratic faces (f, 9) over them.
-        nodes: their numbers in the mesh (k,), in its mirrored half where ``flip`` is -1 (k,).
+        position: points at rest (k, 3), mm.
+        face: biquadratic faces (f, 9) over them.
+        nodes: their numbers in the mesh (k,).
+        flip: (k,) -1 for points in the mirrored half of the mesh, 1 for the others.
     """
 
     geometry: ShellGeometry
@@ -156,7 +160,9 @@ def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0
     """Find directions on the inner surface, for a contact at an azimuth.
 
     Args:
-        model: half or whole. directions: unit vectors from the sphere's centre (k, 3). azimuth_deg: of the contact.
+        model: half or whole.
+        directions: unit vectors from the sphere's centre (k, 3).
+        azimuth_deg: of the contact.
 
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.

@@ -109,7 +109,8 @@ def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -
     """Number the unknowns along nested dissection and lay out fronts and sparse pattern.
 
     Args:
-        mesh, law: geometry and material. fixed: which degrees of freedom are fixed (n, 3).
+        mesh, law: geometry and material.
+        fixed: which degrees of freedom are fixed (n, 3).
     """
     live = np.flatnonzero(~fixed.ravel())
     free = np.full(mesh.points.size, -1, dtype=np.int64)
@@ -127,7 +128,9 @@ def nodal_sum(forces: Array, numbers: Index, count: int) -> Array:
     """Sum (count, 3) of forces at the nodes.
 
     Args:
-        forces: on groups of nodes (g, a, 3). numbers: of those nodes (g, a). count: of all nodes.
+        forces: on groups of nodes (g, a, 3).
+        numbers: of those nodes (g, a).
+        count: of all nodes.
     """
     total = np.zeros((count, 3))
     _scatter_force(forces, numbers, total)
@@ -140,7 +143,8 @@ def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisat
     A symmetric matrix that is not positive goes to SuperLU, whose unpivoted factors count the negative pivots.
 
     Args:
-        solid: whose elements they are. blocks: (e, 81, 81), N/mm.
+        solid: whose elements they are.
+        blocks: (e, 81, 81), N/mm.
         symmetric: whether they are; False takes LU, which leaves ``negative`` unknown.
 
     Raises:

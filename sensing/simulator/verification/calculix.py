@@ -37,9 +37,9 @@ class Comparison:
     """Both codes at the end of a path.
 
     Attributes:
-        force: wrench forces (3,) on the whole shell, ours and CalculiX's, N, each at the end of press and of pull.
-        force_gap: norm of the difference over the norm. marker_gap: rms difference of the inner surface's corner and
-            edge nodes over their rms. Both (2,): after the press, after the pull.
+        ours, theirs: force on the whole shell by this code and by CalculiX, N, (2, 3): after the press, after the pull.
+        force_gap: (2,) norm of the difference over the norm.
+        marker_gap: (2,) rms difference of the inner surface's corner and edge nodes over their rms.
     """
 
     ours: Array
@@ -54,8 +54,12 @@ def compare(
     """Press to a depth, then pull along the meridian, in both codes.
 
     Args:
-        density: of the mesh. depth_mm: to press to. shift_mm: to pull along the meridian.
-        tilt_deg: polar angle of first contact. friction: Coulomb's mu. increments: of the press, and of the pull.
+        density: of the mesh.
+        depth_mm: to press to.
+        shift_mm: to pull along the meridian.
+        tilt_deg: polar angle of first contact.
+        friction: Coulomb's mu.
+        increments: of the press, and of the pull.
 
     Raises:
         EndcapError: ccx is missing, or did not finish.

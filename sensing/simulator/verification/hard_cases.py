@@ -39,6 +39,7 @@ class Outcome:
     """What became of a case.
 
     Attributes:
+        name: of the case.
         verdict: ``converged``, or ``refused: <reason>``, or ``WRONG: ...`` where a certificate does not hold.
         detail: last state reached, and the refusal's words.
     """

@@ -35,7 +35,9 @@ class Judgement:
 
     Attributes:
         error: relative rms marker error of every state above 5 N that level 3 answered (k,).
-        estimate: what it said (k,). fallbacks: states of the path that level 2 answered. states: all.
+        estimate: what it said (k,).
+        fallbacks: states of the path that level 2 answered.
+        states: all.
         rate: states a second of processor time, fall-backs included.
     """
 
@@ -74,8 +76,10 @@ def judge(fast: FrozenPress, reduced: ReducedModel, path: list[Target], exact: l
     """Level 3 along a path, in a second round that has the tangents of its fall-backs.
 
     Args:
-        fast: level 2 press. reduced: level 3's model of the same shell and body.
-        path: its targets. exact: states along it, to judge by (:func:`exact_states`).
+        fast: level 2 press.
+        reduced: level 3's model of the same shell and body.
+        path: its targets.
+        exact: states along it, to judge by (:func:`exact_states`).
     """
     level_3 = ReducedPress(fast, reduced)
     dots = surface_sampler(fast.press.model, dot_directions(fast.press.model.geometry))

@@ -22,7 +22,8 @@ def equilibrium(solid: Solid, displacement: Array, load: Array | None = None) ->
     """Displacement (n, 3), mm, by Newton from one whose fixed values stay, under dead nodal loads.
 
     Args:
-        solid: mesh, law and fixed degrees of freedom. displacement: to start from (n, 3), mm.
+        solid: mesh, law and fixed degrees of freedom.
+        displacement: to start from (n, 3), mm.
         load: (n, 3), N; None for none.
     """
     force = np.zeros_like(displacement) if load is None else load
@@ -62,7 +63,9 @@ def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, 
     """Relative L2 error of the displacement of a thick sphere under small inner pressure (linear).
 
     Args:
-        across, layers: of :func:`sphere_octant_mesh`. poisson: nu. inner_mm, outer_mm: radii.
+        across, layers: of :func:`sphere_octant_mesh`.
+        poisson: nu.
+        inner_mm, outer_mm: radii.
     """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(inner_mm, outer_mm, across, layers)
@@ -86,7 +89,9 @@ def inflated_sphere(inner_stretch: float, across: int, layers: int, poisson: flo
     """Pressure of a neo-Hookean sphere (radii 1 and 2) inflated to an inner stretch, and the closed form (MPa).
 
     Args:
-        inner_stretch: to inflate to. across, layers: of :func:`sphere_octant_mesh`. poisson: nu at small strain.
+        inner_stretch: to inflate to.
+        across, layers: of :func:`sphere_octant_mesh`.
+        poisson: nu at small strain.
     """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(1.0, 2.0, across, layers)
@@ -130,7 +135,9 @@ def cook_tip_mm(across: int, law: HyperelasticLaw, load_n: float = 0.1) -> float
     """Tip deflection of Cook's membrane (48 x 44/16 mm, plane strain, 1 mm thick) under a shear load at its end.
 
     Args:
-        across: elements along each side. law: hyperelastic constants. load_n: shear load.
+        across: elements along each side.
+        law: hyperelastic constants.
+        load_n: shear load.
     """
     box = box_mesh((across, across, 1), (1.0, 1.0, 1.0))
     x, y = 48 * box.points[:, 0], box.points[:, 1]
@@ -152,8 +159,10 @@ def face_load(mesh: HexMesh, owners: Index, face: Index, pressure_mpa: float) ->
     """Nodal forces (n, 3), N, of a dead pressure on faces, pushing into the solid.
 
     Args:
-        mesh: of the solid. owners: cells that own the faces (f,). face: local numbers of a face's nodes (9,),
-            ``INNER_FACE`` or ``OUTER_FACE``. pressure_mpa: pressure.
+        mesh: of the solid.
+        owners: cells that own the faces (f,).
+        face: local numbers of a face's nodes (9,), ``INNER_FACE`` or ``OUTER_FACE``.
+        pressure_mpa: pressure.
     """
     local, rule = face_rule(3)
     value, grad = shape_quad(local)

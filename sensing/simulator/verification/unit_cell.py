@@ -49,7 +49,9 @@ class CubicModuli:
     """Moduli of a cell with cubic symmetry, MPa.
 
     Attributes:
-        bulk_mpa: K. along_mpa: (C11 - C12) / 2. across_mpa: C44.
+        bulk_mpa: K.
+        along_mpa: (C11 - C12) / 2.
+        across_mpa: C44.
         steps: of the conjugate gradients, in all.
     """
 
@@ -79,7 +81,8 @@ def gyroid_share(count: int, fraction: float, inside: int = 3) -> Array:
     """(n, n, n) part of each voxel that a gyroid sheet fills.
 
     Args:
-        count: n, odd. fraction: of the cell that the sheet fills, in all.
+        count: n, odd.
+        fraction: of the cell that the sheet fills, in all.
         inside: points along an edge at which a voxel is looked at.
     """
     fine = count * inside
@@ -99,7 +102,8 @@ def voxels(share: Array, soft: Phase, stiff: Phase, series: bool = False) -> Pha
     """Moduli of every voxel.
 
     Args:
-        share: part of the stiff phase. soft, stiff: the phases.
+        share: part of the stiff phase.
+        soft, stiff: the phases.
         series: phases that share a voxel lie in series (too soft) instead of side by side (too stiff).
     """
 
@@ -128,7 +132,8 @@ def mean_stress(cell: Phase, strain: Array) -> tuple[Array, int]:
     """((6,) mean stress, steps) of a cell under a mean strain.
 
     Args:
-        cell: moduli of (n, n, n) voxels, n odd. strain: (6,) mean, shear as tensor components.
+        cell: moduli of (n, n, n) voxels, n odd.
+        strain: (6,) mean, shear as tensor components.
     """
     shape = np.shape(cell.shear_mpa)
     around = Phase(float(np.median(cell.bulk_mpa)), float(np.median(cell.shear_mpa)))
@@ -187,7 +192,8 @@ def hashin_shtrikman(fraction: float, soft: Phase, stiff: Phase) -> tuple[Phase,
     """(lower, upper) bounds of an isotropic composite (1963, doi:10.1016/0022-5096(63)90060-7).
 
     Args:
-        fraction: of the stiff phase. soft, stiff: the phases; the stiff one is so in both moduli.
+        fraction: of the stiff phase.
+        soft, stiff: the phases; the stiff one is so in both moduli.
     """
 
     def bound(share: float, base: Phase, other: Phase) -> Phase:

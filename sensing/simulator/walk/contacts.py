@@ -22,7 +22,9 @@ class Contacts:
     """One endcap at n times.
 
     Attributes:
-        time_s: (n,). tilt_deg: (n,) from the tip to the contact; 0 without one. azimuth_deg: (n,) of it, endcap frame.
+        time_s: (n,).
+        tilt_deg: (n,) from the tip to the contact; 0 without one.
+        azimuth_deg: (n,) of it, endcap frame.
         normal_n: (n,) load along the inward normal; 0 without contact.
         tangential_n: (n, 2) of the ground on the endcap, along (meridian, lateral) as in
             :mod:`sensing.simulator.contact.indenter`.
@@ -43,7 +45,10 @@ def contacts_of(walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, rows:
     """Contacts of an endcap.
 
     Args:
-        walk: what happened. robot: whose. endcap: which. rows: samples of the walk.
+        walk: what happened.
+        robot: whose.
+        endcap: which.
+        rows: samples of the walk.
     """
     number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)
     into = np.swapaxes(walk.T_world_bar[rows, bar, :3, :3] @ endcap.T_bar_endcap[:3, :3], 1, 2)

@@ -28,9 +28,14 @@ class TippingGait:
     """A gait and its state.
 
     Attributes:
-        heading_deg: direction of travel, from world x. swing_deg, swing_s: amplitude and period of its turns.
-        speed_m_s: fastest change of a rest length. reach: of the changes in the table that are made.
+        heading_deg: direction of travel, from world x.
+        swing_deg, swing_s: amplitude and period of its turns.
+        speed_m_s: fastest change of a rest length.
+        reach: of the changes in the table that are made.
         pause_s: (length, every) of stops; none where every is 0.
+        tips: tips of the robot in use; None before the first call.
+        tip: the tip in progress; None before the first.
+        since_s: time at which that tip began.
     """
 
     heading_deg: float = 0.0
@@ -49,7 +54,10 @@ class TippingGait:
         """(C,) m of the next moment.
 
         Args:
-            robot: its cables. poses: (B, 4, 4) m, true. time_s: since the start. before_m: (C,) of the moment before.
+            robot: its cables.
+            poses: (B, 4, 4) m, true.
+            time_s: since the start.
+            before_m: (C,) of the moment before.
             step_s: time between the two.
         """
         self.tips = self.tips or Tips(robot)
@@ -80,7 +88,8 @@ def lowest_face(centres: Array, faces: list[Face]) -> Face:
     """The face that looks most nearly straight down.
 
     Args:
-        centres: (E, 3) m of the endcaps. faces: of the robot.
+        centres: (E, 3) m of the endcaps.
+        faces: of the robot.
     """
     return min(faces, key=lambda face: outward(centres, face)[2])
 

@@ -31,7 +31,8 @@ class Dome:
 
     Attributes:
         stiffness_n_m: of each slide; 4 N/mm is that of D=130 T=8 under 5 to 10 mm (docs/verification.md).
-        damping_ns_m: of each slide (E). mass_kg: of the moving shell.
+        damping_ns_m: of each slide (E).
+        mass_kg: of the moving shell.
     """
 
     stiffness_n_m: float = 4000.0
@@ -43,7 +44,9 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
     """The model as XML; ``ground.heights`` go into the compiled model.
 
     Args:
-        robot: what to build. ground: what it stands on. poses: (B, 4, 4) m, T_world_bar at the start.
+        robot: what to build.
+        ground: what it stands on.
+        poses: (B, 4, 4) m, T_world_bar at the start.
         dome: how its endcaps give.
 
     Raises:

@@ -29,8 +29,10 @@ class WalkSensor:
     """The camera in one endcap.
 
     Args:
-        simulator: of the shell. number: of the sensor: its paint, and how its camera sits
-            (:class:`sensing.simulator.dataset.request.DataRequest`). render: quality of the pictures.
+        simulator: of the shell.
+        number: of the sensor: its paint, and how its camera sits
+            (:class:`sensing.simulator.dataset.request.DataRequest`).
+        render: quality of the pictures.
     """
 
     def __init__(self, simulator: Simulator, number: int, render: str = "data") -> None:
@@ -47,8 +49,10 @@ class WalkSensor:
         """JPEG of a state.
 
         Args:
-            field_mm: (k, 3) displacement of the simulator's inner surface, contact on azimuth 0; None for the
-                untouched dome. noise: number that selects it. azimuth_deg: of the contact.
+            field_mm: (k, 3) displacement of the simulator's inner surface, contact on azimuth 0; None for the untouched
+                dome.
+            noise: number that selects it.
+            azimuth_deg: of the contact.
         """
         return self._renderer.render(field_mm, azimuth_deg=azimuth_deg, frame=noise).jpeg
 
@@ -63,7 +67,8 @@ class WalkSensor:
         """A frame for each moment of a run.
 
         Args:
-            states: of the shell. contacts: to which they belong.
+            states: of the shell.
+            contacts: to which they belong.
         """
         for k, time_s in enumerate(contacts.time_s):
             field = states.surface_mm[k].astype(float) if contacts.normal_n[k] > 0 else None

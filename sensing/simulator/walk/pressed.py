@@ -63,7 +63,9 @@ def solve_contacts(
     and :data:`MOST_N` is theirs; where the simulator refuses, tilt and pull are eased step by step.
 
     Args:
-        simulator: of the shell, level 1 or 2. contacts: of one endcap. progress: called with the count of moments done.
+        simulator: of the shell, level 1 or 2.
+        contacts: of one endcap.
+        progress: called with the count of moments done.
 
     Raises:
         Refusal: no contact near one of them has an answer.

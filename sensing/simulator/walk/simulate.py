@@ -34,7 +34,10 @@ class Simulation:
         """Compile.
 
         Args:
-            robot: what is simulated. surface: what it stands on. poses: (B, 4, 4) m at the start. dome: of its endcaps.
+            robot: what is simulated.
+            surface: what it stands on.
+            poses: (B, 4, 4) m at the start.
+            dome: of its endcaps.
         """
         self.robot = robot
         self.model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, surface, poses, dome))
@@ -136,8 +139,12 @@ def simulate_walk(
     """Simulate a run; the seed turns the robot, shapes the ground and places the push.
 
     Args:
-        robot: what rolls. terrain: on what. gait: how; None for the one of tuning. seed: of all that is random.
-        duration_s: of the run. progress: called with the simulated time, each 0.1 s.
+        robot: what rolls.
+        terrain: on what.
+        gait: how; None for the one of tuning.
+        seed: of all that is random.
+        duration_s: of the run.
+        progress: called with the simulated time, each 0.1 s.
 
     Raises:
         ParameterError: the robot rolls off the ground before the end, or a bar is lighter than its domes.
@@ -175,7 +182,9 @@ def _require_ground(surface: Ground, centres: Array, time_s: float) -> None:
     """Refuse a run that has left the ground, where it would fall for ever.
 
     Args:
-        surface: on which it rolls. centres: (E, 3) m of the endcaps. time_s: since the start.
+        surface: on which it rolls.
+        centres: (E, 3) m of the endcaps.
+        time_s: since the start.
     """
     if np.abs(centres[:, :2]).max() > surface.half_m:
         raise ParameterError(

@@ -51,11 +51,12 @@ class SensorSet:
             degrees/s after a warm start, 2 mg after calibration in six positions; the part's own are 1 and 20 mg).
         gyro_walk, acceleration_walk: their random walks, rad/s and m/s2 a root s (E).
         length_m: standard deviation of a cable's length.
-        wrench_noise: factor on the errors of ``wrench_noise.csv``. beyond_noise: further factor on those beyond the
-            range of training; their stated deviation grows by its square root only (1 is more than pictures
-            show, docs/robot_accuracy.md).
+        wrench_noise: factor on the errors of ``wrench_noise.csv``.
+        beyond_noise: further factor on those beyond the range of training; their stated deviation grows by its square
+            root only (1 is more than pictures show, docs/robot_accuracy.md).
         force_scale: of every force and torque, as a wrong silicone makes it.
-        inertial_delay_s, length_delay_s, wrench_delay_s: from capture to arrival. jitter_s: of the wrenches'.
+        inertial_delay_s, length_delay_s, wrench_delay_s: from capture to arrival.
+        jitter_s: of the wrenches'.
         gyroscopes: how many sensors report, those with an accelerometer first.
     """
 
@@ -84,7 +85,8 @@ class Arrival:
     """A sample and when it arrives.
 
     Attributes:
-        at_s: on the clock of the samples' capture times. sample: what arrives.
+        at_s: on the clock of the samples' capture times.
+        sample: what arrives.
     """
 
     at_s: float
@@ -95,7 +97,10 @@ def sensor_stream(walk: Walk, robot: TensegrityRobot, sensors: SensorSet | None 
     """All samples of a run, in the order in which they arrive.
 
     Args:
-        walk: what happened. robot: which sensors there are. sensors: how good they are. seed: of all noise.
+        walk: what happened.
+        robot: which sensors there are.
+        sensors: accuracy of the sensors.
+        seed: of all noise.
     """
     sensors = sensors or SensorSet()
     arrivals: list[Arrival] = []
@@ -123,7 +128,10 @@ def inertial_samples(
     """Samples of one inertial sensor; each is the mean over the interval that ends at its time.
 
     Args:
-        walk: what happened. robot: whose. sensor: which. sensors: how good it is. rng: of its noise.
+        walk: what happened.
+        robot, sensor: the robot, and one of its inertial sensors.
+        sensors: accuracy of the sensor.
+        rng: of its noise.
     """
     rows = _rows(walk, sensors.inertial_hz)
     bar = robot.bar_number(sensor.bar)
@@ -153,7 +161,10 @@ def foot_samples(
     """Wrenches of one endcap on its mating plane, with the errors of :data:`NOISE` in proportion to its shell.
 
     Args:
-        walk: what happened. robot: whose. endcap: which. sensors: how good it is. rng: of its errors.
+        walk: what happened.
+        robot, endcap: the robot, and the name of one of its endcaps.
+        sensors: accuracy of the endcap.
+        rng: of its errors.
     """
     rows = _rows(walk, sensors.wrench_hz, float(rng.uniform(0, 1)))
     scale = shell_scale(endcap)
@@ -190,7 +201,9 @@ def true_wrenches(
     """((n, 6) wrench on the endcap, its frame, at the mating plane; (n,) degrees from its tip to the contact).
 
     Args:
-        walk: what happened. robot: whose. endcap: which. rows: samples of the walk.
+        walk: what happened.
+        robot, endcap: the robot, and the name of one of its endcaps.
+        rows: samples of the walk.
     """
     number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)
     pose = walk.T_world_bar[rows, bar] @ endcap.T_bar_endcap
@@ -215,7 +228,9 @@ def wrench_sigma(tilt_deg: Array, load_n: Array, scale: LoadScale) -> Array:
     """(n, 6) standard deviation of the wrench's errors, N and N m; larger beyond the range of training.
 
     Args:
-        tilt_deg: (n,) from the tip to the contact. load_n: (n,) force. scale: of the shell.
+        tilt_deg: (n,) from the tip to the contact.
+        load_n: (n,) force.
+        scale: of the shell.
     """
     table, tilts, loads = _noise_table()
     load_n = load_n / scale.force

@@ -46,8 +46,13 @@ class Ground:
     """The ground as MJCF.
 
     Attributes:
-        xml: its geoms. assets: what they refer to. heights: (N, N) m of a height field, empty without.
-        friction: Coulomb's mu. up: (3,) its normal. drop_m: height of fall. push_n: force of a push.
+        xml: its geoms.
+        assets: what they refer to.
+        heights: (N, N) m of a height field, empty without.
+        friction: Coulomb's mu.
+        up: (3,) its normal.
+        drop_m: height of fall.
+        push_n: force of a push.
         half_m: how far it reaches from the origin, along x and y.
     """
 
@@ -65,8 +70,9 @@ def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
     """The ground of a terrain.
 
     Args:
-        terrain: which. seed: shapes the rough ground and turns the slope. heading_deg: from world x; the stairs lead up
-            along it.
+        terrain: which.
+        seed: shapes the rough ground and turns the slope.
+        heading_deg: from world x; the stairs lead up along it.
     """
     plane = '<geom name="ground" type="plane" size="0 0 1" {} {}/>'
     rng = np.random.default_rng([seed, 17])

@@ -43,7 +43,8 @@ class Tip:
     """How the robot leaves a face over one of its edges.
 
     Attributes:
-        face: numbers of the three endcaps on the ground. lifted: the one that leaves it.
+        face: numbers of the three endcaps on the ground.
+        lifted: the one that leaves it.
         change_m: (C,) of rest lengths.
     """
 
@@ -92,7 +93,8 @@ class Tips:
         """How to leave a face; where the cables cannot, as far as they can.
 
         Args:
-            face: one of ``faces``. lifted: the endcap of it that leaves the ground.
+            face: one of ``faces``.
+            lifted: the endcap of it that leaves the ground.
         """
         if (face, lifted) not in self._found:
             self._found[face, lifted] = Tip(face, lifted, self._change(face, lifted))
@@ -120,7 +122,8 @@ def with_change(robot: TensegrityRobot, change_m: Array) -> TensegrityRobot:
     """The robot with other rest lengths.
 
     Args:
-        robot: as described. change_m: (C,) of its rest lengths.
+        robot: as described.
+        change_m: (C,) of its rest lengths.
     """
     cables = zip(robot.cables, change_m.tolist(), strict=True)
     return replace(robot, cables=tuple(replace(cable, rest_m=cable.rest_m + change) for cable, change in cables))
@@ -139,7 +142,8 @@ def outward(centres: Array, face: Face) -> Array:
     """(3,) unit normal of a face, away from the robot's middle.
 
     Args:
-        centres: (E, 3) of the endcaps. face: three of them.
+        centres: (E, 3) of the endcaps.
+        face: three of them.
     """
     first, second, third = centres[list(face)]
     (ax, ay, az), (bx, by, bz) = second - first, third - first
@@ -168,7 +172,10 @@ def inside_edge_m(robot: TensegrityRobot, poses: Array, face: Face, lifted: int)
     """Distance of the mass, seen along a face's normal, from the edge that stays; negative beyond it.
 
     Args:
-        robot: whose masses. poses: (B, 4, 4) m. face: three endcaps. lifted: the one that is not of the edge.
+        robot: whose masses.
+        poses: (B, 4, 4) m.
+        face: three endcaps.
+        lifted: the one that is not of the edge.
     """
     centres = endcap_centres(robot, poses)
     first, second = (centres[number] for number in face if number != lifted)
@@ -182,7 +189,8 @@ def centre_of_mass_m(robot: TensegrityRobot, poses: Array) -> Array:
     """(3,) m in the world.
 
     Args:
-        robot: whose masses. poses: (B, 4, 4) m.
+        robot: whose masses.
+        poses: (B, 4, 4) m.
     """
     mass = np.array([bar.mass_kg for bar in robot.bars])
     places = [pose[:3, :3] @ bar.centre_of_mass_m + pose[:3, 3] for pose, bar in zip(poses, robot.bars, strict=True)]

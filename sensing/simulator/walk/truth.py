@@ -23,11 +23,13 @@ class Walk:
 
     Attributes:
         terrain, seed, friction: of the run.
-        time_s: (N,). T_world_bar: (N, B, 4, 4) m.
+        time_s: (N,).
+        T_world_bar: (N, B, 4, 4) m.
         velocity: (N, B, 6) of each bar's origin (m/s), and angular in bar axes (rad/s).
         force_n, torque_nm: (N, E, 3) of the ground on each endcap, the torque about ``point_m``; zero without contact.
         point_m: (N, E, 3) contact point.
-        normal: (N, E, 3) unit, out of the ground there. slip_m_s: (N, E, 3) of the skin there along the ground.
+        normal: (N, E, 3) unit, out of the ground there.
+        slip_m_s: (N, E, 3) of the skin there along the ground.
         length_m, tension_n: (N, C) of the cables.
     """
 

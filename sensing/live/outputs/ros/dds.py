@@ -53,7 +53,8 @@ def encoded(name: str, cdr: bytes) -> Any:
     """A message of a type, as a writer takes it.
 
     Args:
-        name: of the type. cdr: its bytes, with their head of four.
+        name: of the type.
+        cdr: its bytes, with their head of four.
     """
     kind = idl_type(name)
     message = kind.__new__(kind)
@@ -65,9 +66,11 @@ def quality(name: str = "", latched: bool = False, kept: int = KEPT, reliable: b
     """ROS 2's default: reliable, volatile, keep last; a slow subscriber never holds up the publisher.
 
     Args:
-        name: type whose hash is announced; empty for a topic. latched: late subscribers get the last one (transient
-            local, depth 1), as ``/tf_static`` has it. kept: messages that wait for a reader. reliable: False for best
-            effort, which is what a reader must ask for to be connected to a publisher of best effort.
+        name: type whose hash is announced; empty for a topic.
+        latched: late subscribers get the last one (transient local, depth 1), as ``/tf_static`` has it.
+        kept: messages that wait for a reader.
+        reliable: False for best effort, which is what a reader must ask for to be connected to a publisher of best
+            effort.
     """
     from cyclonedds.core import Policy, Qos
     from cyclonedds.util import duration
@@ -86,7 +89,10 @@ def publisher(participant: Any, topic: str, name: str, latched: bool = False) ->
     """A DDS writer of a ROS topic.
 
     Args:
-        participant: of the domain. topic: name without the first slash. name: message type. latched: as above.
+        participant: of the domain.
+        topic: name without the first slash.
+        name: message type.
+        latched: as above.
     """
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic

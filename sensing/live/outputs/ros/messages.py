@@ -56,7 +56,9 @@ def camera_info(mounted: MountedCamera, stamp_ns: int, frame_id: str) -> bytes:
     """sensor_msgs/CameraInfo; the fisheye is ROS's ``equidistant``, with the same four coefficients.
 
     Args:
-        mounted: lens and its size. stamp_ns: wall time. frame_id: of the camera.
+        mounted: lens and its size.
+        stamp_ns: wall time.
+        frame_id: of the camera.
     """
     types, camera = ros.typestore().types, mounted.camera
     k = np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
@@ -73,7 +75,8 @@ def transforms(children: Mapping[str, tuple[str, NDArray[np.float64]]], stamp_ns
     """tf2_msgs/TFMessage.
 
     Args:
-        children: (parent, (4, 4) child to parent, mm) by name of the child. stamp_ns: wall time.
+        children: (parent, (4, 4) child to parent, mm) by name of the child.
+        stamp_ns: wall time.
     """
     types = ros.typestore().types
     vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
@@ -110,7 +113,8 @@ def trigger_reply(asker: tuple[int, int], success: bool, message: str) -> bytes:
     """Answer of a std_srvs/Trigger service.
 
     Args:
-        asker: guid and number of the request. success, message: the answer.
+        asker: guid and number of the request.
+        success, message: the answer.
     """
     kind = ros.typestore().types[TRIGGER_REPLY]
     return ros.encode(TRIGGER_REPLY, kind(guid=asker[0], seq=asker[1], success=success, message=message))

@@ -67,8 +67,9 @@ class RosTopics(QueuedSink):
     """Publishes every reading.
 
     Args:
-        pipelines: of the endcaps, whose names begin the topics. domain: None for ``ROS_DOMAIN_ID`` or 0. health: for
-            the diagnostics.
+        pipelines: of the endcaps, whose names begin the topics.
+        domain: None for ``ROS_DOMAIN_ID`` or 0.
+        health: for the diagnostics.
 
     Raises:
         ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.

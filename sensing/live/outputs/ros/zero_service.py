@@ -50,8 +50,9 @@ class ZeroServices:
     """One service for each endcap.
 
     Args:
-        participant: of the domain. pipelines: of the endcaps. on_error: takes what goes wrong with a request; the
-            next one is answered all the same.
+        participant: of the domain.
+        pipelines: of the endcaps.
+        on_error: takes what goes wrong with a request; the next one is answered all the same.
     """
 
     def __init__(

@@ -44,7 +44,8 @@ class EndcapCameraConfig(CameraConfig):
         fps: asked of the camera; None for 30. width, height: checked against the picture, not set; None for its own.
         source: camera number, a name of /dev/v4l/by-path, http address, or ``scene:0`` to ``scene:5``.
         zero: reference file; empty to take the first pictures, while the endcap must be untouched.
-        diameter_mm, wall_mm: the design. silicone: row of the toolkit's materials that it is cast of.
+        diameter_mm, wall_mm: the design.
+        silicone: row of the toolkit's materials that it is cast of.
         start_s: longest wait for the first reading.
     """
 
@@ -120,7 +121,9 @@ class EndcapCamera(Camera):
         """(H, W, 3) uint8 RGB, the next picture from now on.
 
         Raises:
-            DeviceNotConnectedError: not connected. TimeoutError: none comes. RuntimeError: of another size.
+            DeviceNotConnectedError: not connected.
+            TimeoutError: none comes.
+            RuntimeError: of another size.
         """
         return self._after(self._count, READ_S)
 
@@ -128,7 +131,9 @@ class EndcapCamera(Camera):
         """(H, W, 3) uint8 RGB, the newest picture that was not handed out yet, or the next.
 
         Raises:
-            DeviceNotConnectedError: not connected. TimeoutError: none comes. RuntimeError: of another size.
+            DeviceNotConnectedError: not connected.
+            TimeoutError: none comes.
+            RuntimeError: of another size.
         """
         return self._after(self._given, timeout_ms / 1e3)
 
@@ -136,7 +141,9 @@ class EndcapCamera(Camera):
         """(H, W, 3) uint8 RGB, the newest picture, at once.
 
         Raises:
-            DeviceNotConnectedError: not connected. TimeoutError: the newest is older. RuntimeError: none yet.
+            DeviceNotConnectedError: not connected.
+            TimeoutError: the newest is older.
+            RuntimeError: none yet.
         """
         endcap, seen = self._connected(), self._seen
         if seen is None:

@@ -4,15 +4,15 @@ Frames (right-handed; translations in mm, torques in N m):
 
 ==========  =====================================================================================================
 endcap      origin at the centre of the mating plane, z toward the tip (:mod:`cad.params`)
-sphere      endcap's axes, origin at the centre of the silicone sphere; here torques are least correlated with forces
-ft          whatever the force/torque sensor calls its axes; :class:`FtMount` says how it is mounted
+sphere      axes of the endcap, origin at the centre of the silicone sphere, where torque and force correlate least
+ft          axes and reference point of the force/torque sensor's data sheet; :class:`FtMount` holds its pose
 joint, ...  any rigid frame: give its pose ``T_joint_endcap``
 ==========  =====================================================================================================
 
 ``T_a_b`` takes coordinates in b to coordinates in a. Signs:
 
-- A :class:`sensing.records.Wrench` is what the world does **to the endcap**; pressing on the tip gives Fz < 0.
-- A force sensor under the plane is pressed by the endcap: it reads the opposite, ``reads = REACTION``.
+- A :class:`sensing.records.Wrench` is exerted by the world **on the endcap**; pressing on the tip gives Fz < 0.
+- A force sensor under the plane that the endcap presses reads the opposite: ``reads = REACTION``.
 - The authors' labels are of that kind, and their nodes publish the negated prediction (M, NET09), which
   is therefore the wrench on the endcap: ``wrench = AUTHORS_LABEL_SIGN * label``. That their label is the force *on the
   plane* is our reading of that minus (E), and that their "endcap sensor centre" is the sphere's centre too (E).
@@ -36,31 +36,35 @@ from cad.params import EndcapParams
 from sensing.records import Wrench
 
 Array = NDArray[np.float64]
-ACTION, REACTION = 1, -1  # what a sensor reads: the wrench on the endcap, or what the endcap does to it
+ACTION, REACTION = 1, -1  # a sensor reads the wrench on the endcap, or the wrench of the endcap on the sensor
 AUTHORS_LABEL_SIGN = REACTION
 MM_PER_M = 1000.0
 
 
 def pose(rotation: ArrayLike, translation_mm: ArrayLike) -> Array:
-    """(4, 4) from (3, 3) and (3,)."""
+    """(4, 4) rigid transform from a rotation (3, 3) and a translation (3,), mm.
+
+    Raises:
+        ParameterError: the rotation is not orthonormal with determinant +1.
+    """
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rotation, translation_mm
     return rigid(T, "pose")
 
 
 def inverse(T: Array) -> Array:
-    """Inverse of a rigid transform."""
+    """Inverse of a rigid transform (4, 4), mm."""
     R, p = T[:3, :3], T[:3, 3]
     return pose(R.T, -R.T @ p)
 
 
 def T_sphere_endcap(params: EndcapParams) -> Array:
-    """Endcap to sphere frame: same axes, the origin moves up to the sphere's centre."""
+    """(4, 4) endcap to sphere frame, mm: same axes, the origin moves up to the sphere's centre."""
     return pose(np.eye(3), (0.0, 0.0, -params.centre_height_mm))
 
 
 def wrench_adjoint(T_target_source: Array) -> Array:
-    """(6, 6) that takes (force N, torque N m) from the source to the target frame."""
+    """(6, 6) matrix that takes (force, N; torque, N m) from the source to the target frame (module's Notes)."""
     R = T_target_source[:3, :3]
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = R
@@ -69,7 +73,7 @@ def wrench_adjoint(T_target_source: Array) -> Array:
 
 
 def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
-    """The same wrench expressed in another frame; its covariance goes along.
+    """The same wrench, and its covariance, expressed in another frame.
 
     Args:
         wrench: in the source frame.
@@ -77,7 +81,7 @@ def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
         frame: name of the target frame.
 
     Raises:
-        ParameterError: a matrix that is no rigid transform.
+        ParameterError: ``T_target_source`` is no rigid transform.
     """
     adjoint = wrench_adjoint(rigid(T_target_source, f"T_{frame}_{wrench.frame}"))
     reported = adjoint @ np.concatenate([wrench.force_n, wrench.torque_nm])
@@ -87,16 +91,16 @@ def wrench_in(wrench: Wrench, T_target_source: ArrayLike, frame: str) -> Wrench:
 
 @dataclass(frozen=True)
 class FtMount:
-    """How a force/torque sensor sees the endcap at one instant.
+    """Pose, sign and tare of a force/torque sensor relative to the endcap at one instant.
 
     Attributes:
         T_endcap_ft: (4, 4) sensor to endcap coordinates, mm; changes while the robot moves the endcap over a fixed one.
         reads: :data:`ACTION` for a sensor between robot and endcap that reads the load on the endcap, :data:`REACTION`
             for one under the plane that the endcap presses.
-        tare: (6,) what it reads without contact, in its own frame.
+        tare: (6,) its reading without contact, in its own frame, N and N m.
 
     Raises:
-        ParameterError: no rigid transform, or a sign that is neither.
+        ParameterError: ``T_endcap_ft`` is no rigid transform, or ``reads`` is neither.
     """
 
     T_endcap_ft: Array
@@ -118,13 +122,17 @@ class FtMount:
         return wrench_in(Wrench(time_s, raw[:3], raw[3:], frame="ft"), self.T_endcap_ft, "endcap")
 
     def reading(self, wrench: Wrench) -> Array:
-        """(6,) what the sensor shows for a wrench on the endcap: the inverse of :meth:`on_endcap`."""
+        """(6,) reading of the sensor, N and N m, for a wrench on the endcap: the inverse of :meth:`on_endcap`."""
         reported = wrench_in(wrench, inverse(self.T_endcap_ft), "ft")
         return self.reads * np.concatenate([reported.force_n, reported.torque_nm]) + self.tare
 
 
 def rigid(T: ArrayLike, name: str) -> Array:
-    """The matrix, if it is a rigid transform.
+    """A read-only copy of a rigid transform (4, 4), mm, after a check.
+
+    Args:
+        T: the matrix.
+        name: of the matrix, for the message.
 
     Raises:
         ParameterError: it is not (4, 4), finite, orthonormal to 1e-6 with determinant +1.
@@ -146,6 +154,6 @@ def rigid(T: ArrayLike, name: str) -> Array:
 
 
 def skew(p: ArrayLike) -> Array:
-    """(3, 3) with skew(p) q = p x q."""
+    """(3, 3) cross-product matrix of p (3,): skew(p) q = p x q."""
     x, y, z = np.asarray(p, float)
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -1,10 +1,11 @@
-"""The records that pass from camera to contact: frame -> dot tracks -> shear field -> wrench (numpy and stdlib only).
+"""Records between the stages from camera to contact: frame -> dot tracks -> shear field -> wrench.
 
-A simulated and a real frame are the same record, so nothing downstream knows the difference.
+A simulated and a real frame are the same record, so that no later stage can treat them differently. The module imports
+numpy and the standard library only.
 
 Image frame: x to the right, y down, origin at the centre of the top-left pixel of the full-size image, pixels.
-Times are seconds of one monotonic clock (``time.monotonic``), never wall time, so that differences mean something.
-Arrays inside a record are set read-only: a record can be shared between threads.
+Times are seconds of one monotonic clock (``time.monotonic``), never wall time: setting the clock cannot change their
+differences. Arrays inside a record are read-only, so that threads can share it.
 """
 
 from __future__ import annotations
@@ -17,25 +18,28 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 
-Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's own type hints cannot say so
+Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's type hints do not express it
 PIXELS_OF_200 = "px of the 200x200 centre crop"
-LEAST_SEEN = 0.5  # share of the dots; with fewer, what the others do is guesswork
+LEAST_SEEN = 0.5  # E: share of the dots that must be followed: the others are predicted from them
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture, either decoded or still as JPEG bytes (then whoever needs it decodes once, at the size needed).
+    """One picture, decoded or as JPEG bytes; a reader decodes these once, at the size that it needs.
 
     Attributes:
-        time_s: capture time on the monotonic clock (from the driver where it gives one, else the arrival).
-        sequence: counts up by one for every frame the source captured; a gap means dropped frames.
-        source: the device, file or simulator that the frame came from.
-        image: uint8, (H, W) gray or (H, W, 3) BGR; None while only ``jpeg`` is there.
+        time_s: capture time on the monotonic clock (the driver's time stamp where there is one, else the arrival).
+        sequence: number of the frame as the source counts them; a gap means dropped frames.
+        source: device, file or simulator of the frame.
+        image: uint8, (H, W) gray or (H, W, 3) BGR; None for a frame that holds only ``jpeg``.
         jpeg: the compressed bytes; None when the source gives raw pictures.
         size: (width, height) in pixels of the full-size picture; None while unknown (JPEG not yet parsed).
-        exposure: exposure as the driver states it; None where it does not.
-        gain: gain as the driver states it; None where it does not.
-        fault: why there is no picture, one line; whoever decodes the frame raises it. Empty where there is one.
+        exposure: exposure that the driver reports, in its unit; None where it reports none.
+        gain: gain that the driver reports, in its unit; None where it reports none.
+        fault: reason why there is no picture, one line, with which decoding raises; empty where there is one.
+
+    Raises:
+        ParameterError: neither image nor jpeg.
     """
 
     time_s: float
@@ -49,7 +53,7 @@ class Frame:
     fault: str = ""
 
     def shows_same(self, other: Frame) -> bool:
-        """Whether another frame holds the very picture; pixels are compared on a grid."""
+        """Whether another frame holds the same picture; of decoded pictures, every seventh pixel is compared."""
         if self.jpeg is not None and other.jpeg is not None:
             return self.jpeg == other.jpeg
         if self.image is None or other.image is None or self.image.shape != other.image.shape:
@@ -67,18 +71,21 @@ class Frame:
 
 @dataclass(frozen=True)
 class DotTracks:
-    """Where the painted dots are now, with how much each can be trusted.
+    """Positions of the painted dots in one frame, with a quality for each.
 
     Attributes:
         time_s: capture time of the frame.
-        ids: (N,) int64, stable for the life of a reference.
+        ids: (N,) int64 identity of each dot, constant for one reference.
         reference_px: (N, 2) x, y in the undeformed image, full-size pixels.
-        position_px: (N, 2) x, y now; for a lost dot the place where it is expected.
-        quality: (N,) 0..1, correlation of the dot's surroundings with the reference (0 when lost).
+        position_px: (N, 2) x, y in this frame, full-size pixels; for a lost dot the predicted position.
+        quality: (N,) 0..1, correlation of the window round the dot with the reference (0 when lost).
         lost: (N,) bool.
-        size: (width, height) of the full-size image.
-        stretch: (N, 2, 2) d displacement_i / d x_j as each dot's own window shows it, NaN where it does not; None for
-            methods that do not measure it.
+        size: (width, height) of the full-size image, px.
+        stretch: (N, 2, 2) d displacement_i / d x_j measured in the window round each dot, NaN where it cannot be; None
+            for methods that do not measure it.
+
+    Raises:
+        ParameterError: an array of another shape.
     """
 
     time_s: float
@@ -111,7 +118,7 @@ class DotTracks:
 
     @property
     def enough(self) -> bool:
-        """Whether so many dots are seen that something can be said of all."""
+        """Whether at least :data:`LEAST_SEEN` of the dots are followed."""
         return bool(np.count_nonzero(~self.lost) >= LEAST_SEEN * len(self.lost))
 
 
@@ -124,7 +131,10 @@ class ShearField:
         channels: (C, H, W) float32.
         names: the C channel names; "u" is along x (right), "v" along y (down).
         unit: unit of u and v.
-        valid: (H, W) bool, False where the method has nothing to go by; set False where u or v is not finite.
+        valid: (H, W) bool, False where the method has no measurement near; set False where u or v is not finite.
+
+    Raises:
+        ParameterError: names or ``valid`` that do not fit the shape of the channels.
     """
 
     time_s: float
@@ -161,15 +171,18 @@ class ShearField:
 
 @dataclass(frozen=True)
 class Wrench:
-    """Force and torque on the endcap.
+    """Force and torque that the world exerts on the endcap (signs: :mod:`sensing.frames`).
 
     Attributes:
-        time_s: capture time of the frame it was computed from.
-        force_n: (3,) N.
-        torque_nm: (3,) N m, about the origin of ``frame``.
+        time_s: capture time of the frame from which it was computed.
+        force_n: (3,) force, N.
+        torque_nm: (3,) torque about the origin of ``frame``, N m.
         frame: coordinate frame of both, for example "endcap".
-        covariance: (6, 6) of (force, torque); NaN where the model gives none.
-        flags: warnings such as "out_of_range", "dots_lost", "lamp_drift"; empty when all is well.
+        covariance: (6, 6) of (force, torque), N^2, N^2 m and N^2 m^2; NaN where the model gives none.
+        flags: warnings such as "out_of_range" or "dots_lost"; empty when there is none.
+
+    Raises:
+        ParameterError: an array of another shape.
     """
 
     time_s: float

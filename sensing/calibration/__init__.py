@@ -1,1 +1,1 @@
-"""Photos of the sensor's dots or of a board in, a camera and where it sits out."""
+"""Estimates lens and pose of the camera from photos of the dots or of a calibration board."""

@@ -1,1 +1,1 @@
-"""Points of the endcap in, pixels out, and back: the lens, where it sits, and the nominal camera."""
+"""Camera model: projection of endcap points to pixels and back, the camera's pose, and the nominal camera."""

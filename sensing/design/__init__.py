@@ -1,1 +1,1 @@
-"""What one design will feel before it is printed: its weights by similarity, its study, the map of all designs."""
+"""Predicts how a design measures before it is printed: weights by similarity, its study, the map of all designs."""

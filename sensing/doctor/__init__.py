@@ -1,1 +1,1 @@
-"""What is wrong with a camera and its picture, and what to do about it: ``python -m sensing.sources check``."""
+"""Finds faults of a camera and its picture, and says how to fix them: ``python -m sensing.sources check``."""

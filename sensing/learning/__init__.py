@@ -1,1 +1,1 @@
-"""Labelled frames in, weights and their errors out; nothing that runs live imports it."""
+"""Trains weights on labelled frames and measures their errors; nothing that runs live imports it."""

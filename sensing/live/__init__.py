@@ -1,1 +1,1 @@
-"""Frames of up to many endcaps to wrenches and contacts while they are touched: ``python -m sensing.live``."""
+"""Runs endcaps: frames of one or more cameras to wrenches and contacts, ``python -m sensing.live``."""

@@ -1,1 +1,1 @@
-"""Frames and a force/torque stream in, a folder of labelled frames out."""
+"""Records frames with the readings of a force/torque sensor as a folder of labelled frames."""

@@ -1,1 +1,1 @@
-"""From six wrenches to the robot: pose, velocity and shape of a tensegrity robot, and which endcaps hold."""
+"""Estimates pose, velocity and shape of a tensegrity robot, and which of its endcaps hold, from their wrenches."""

@@ -1,1 +1,1 @@
-"""Where frames come from: camera, file, folder, network, or a warped or drawn picture. All give the same record."""
+"""Sources of frames: camera, file, folder, network, or a warped or drawn picture. All give the same record."""

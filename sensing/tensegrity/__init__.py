@@ -1,1 +1,1 @@
-"""What a tensegrity robot is and what its sensors report: records that simulator and estimator share."""
+"""Records that simulator and estimator share: the description of a tensegrity robot and samples of its sensors."""

@@ -1,1 +1,1 @@
-"""Frames in, tracks of the painted dots and the shear field out; the released pipeline and baselines beside."""
+"""Tracks the painted dots and computes the shear field from frames; holds the released pipeline and baselines, too."""

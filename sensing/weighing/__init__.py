@@ -1,1 +1,1 @@
-"""Calibration by weight: one gain an endcap from known weights, and from a robot's own."""
+"""Calibration by weight: one gain for each endcap from known weights, or from the weight of a robot."""

@@ -1,1 +1,1 @@
-"""Shear field in, wrench with covariance out; filtered, and with it whether and where the endcap is touched."""
+"""Estimates the wrench with its covariance from a shear field, filters it, and detects and locates the contact."""

@@ -1,1 +1,1 @@
-"""Frames of several endcaps to readings: configuration, sources, the pipeline and its loop."""
+"""Core of a run: configuration, feeds of frames, the pipeline of one endcap, and the loop over all endcaps."""

@@ -1,7 +1,8 @@
-"""The loop: takes the newest frame of every endcap, works on it and hands the reading to all outputs.
+"""The loop of a run: it takes the newest frame of every endcap, processes it and passes the reading to all outputs.
 
-One thread works on all endcaps (``workers`` shares them out); sources and outputs have threads of their own. An endcap
-that fails says so and goes on with its next frame; it never stops the others. An output that raises is removed.
+One thread processes all endcaps, or each of ``workers`` threads some of them; sources and outputs have threads of their
+own. An endcap that fails reports the error and continues with its next frame; the others are not affected. An output
+that raises is removed.
 """
 
 from __future__ import annotations
@@ -20,8 +21,7 @@ from sensing.live.core.state import Event, Machine
 from sensing.live.core.stats import EndcapHealth, EndcapStats
 from sensing.records import Frame
 
-IDLE_S = 0.1  # longest sleep; a lost wake-up costs no more
-
+IDLE_S = 0.1  # longest sleep of the loop, so that a lost wake-up costs no more
 
 _SOURCE_EVENTS: dict[str, Event] = {"silent": Event.SILENCE, "unplugged": Event.LOST, "ended": Event.ENDED}
 
@@ -59,7 +59,7 @@ class LiveEndcap:
         return self.look()
 
     def look(self, fresh: bool = False) -> EndcapHealth:
-        """State now; ``fresh`` also for the times, which are otherwise up to half a second old."""
+        """State now; with ``fresh`` the times are computed anew, which are otherwise up to half a second old."""
         source = self.feed.health
         event = _SOURCE_EVENTS.get(source.status)
         if event is Event.ENDED and (not self.feed.ended or self._busy):  # in this order: a frame being taken is either
@@ -74,7 +74,7 @@ class LiveEndcap:
         )  # fmt: skip
 
     def take(self) -> Captured | None:
-        """The next frame; a source that fails changes the state."""
+        """The next frame, or None; a source that fails changes the state."""
         self._busy = True
         item = None
         try:
@@ -85,7 +85,7 @@ class LiveEndcap:
         return item
 
     def process(self, item: Captured) -> EndcapReading | None:
-        """Work on one frame; what goes wrong changes the state."""
+        """Process one frame; an error changes the state and gives None."""
         self.frame = item[0]
         reading = None
         try:
@@ -112,12 +112,12 @@ class Engine:
     Args:
         endcaps: at least one.
         sinks: outputs that take every reading.
-        workers: threads that share the endcaps.
+        workers: number of threads that process frames.
 
     Attributes:
         endcaps: as given.
-        threads: those that work on frames.
-        failures: a line for every output that raised.
+        threads: threads that process frames.
+        failures: one line for every output that raised.
 
     Raises:
         ParameterError: no endcap, or workers outside 1..number of endcaps.
@@ -129,7 +129,7 @@ class Engine:
         self.endcaps = list(endcaps)
         self.failures: list[str] = []
         self._sinks = tuple((type(sink).__name__, sink) for sink in sinks)
-        self._changing = threading.Lock()  # of the outputs: page and loop add and remove some
+        self._changing = threading.Lock()  # of the outputs: both the page and the loop add and remove some
         self._stop = threading.Event()
         shares = [self.endcaps[k::workers] for k in range(workers)]
         self._wakes = [threading.Event() for _ in shares]
@@ -146,14 +146,14 @@ class Engine:
         self.close()
 
     def start(self) -> None:
-        """Open the sources and work on what they give."""
+        """Open the sources and process their frames."""
         for index, endcap in enumerate(self.endcaps):
             endcap.feed.start(self._wakes[index % len(self._wakes)].set)
         for thread in self.threads:
             thread.start()
 
     def halt(self, wait_s: float = 5.0) -> None:
-        """No reading comes any more: all threads are asked to end, and those that work on frames are waited for."""
+        """Stop all threads, and wait at most ``wait_s`` for those that process frames; no reading comes afterwards."""
         self._stop.set()
         for wake in self._wakes:
             wake.set()
@@ -163,7 +163,7 @@ class Engine:
         _join(self.threads, wait_s)
 
     def close(self, wait_s: float = 5.0) -> None:
-        """Halt, then let go of the sources; what hangs in a driver is left behind after ``wait_s``, all together."""
+        """Halt and release the sources within ``wait_s`` in all; a thread that hangs in a driver is abandoned."""
         end_s = time.monotonic() + wait_s
         self.halt(wait_s)
         for endcap in self.endcaps:
@@ -171,17 +171,17 @@ class Engine:
             endcap.pipeline.close(max(0.0, end_s - time.monotonic()))
 
     def add_sink(self, sink: Sink, name: str = "") -> None:
-        """One more output, from the next reading on; ``name`` is what it is called where it fails."""
+        """Add an output, from the next reading on; ``name`` stands in the line about its failure."""
         with self._changing:
             self._sinks = (*self._sinks, (name or type(sink).__name__, sink))
 
     def remove_sink(self, sink: Sink) -> None:
-        """One output less."""
+        """Remove an output."""
         with self._changing:
             self._sinks = tuple(pair for pair in self._sinks if pair[1] is not sink)
 
     def sink_failed(self, sink: Sink, error: Exception) -> None:
-        """Remove an output that raised, and note why; only its first error counts."""
+        """Remove an output that raised, and store the reason; only its first error is kept."""
         with self._changing:
             self.failures += [f"{name}: stopped ({reason_of(error)})" for name, each in self._sinks if each is sink]
             self._sinks = tuple(pair for pair in self._sinks if pair[1] is not sink)
@@ -218,7 +218,7 @@ class Engine:
 
 
 def _join(threads: Sequence[threading.Thread], wait_s: float) -> None:
-    """Wait for all together."""
+    """Wait for threads, at most ``wait_s`` for all of them."""
     end_s = time.monotonic() + wait_s
     for thread in threads:
         if thread.is_alive():

@@ -1,15 +1,15 @@
-"""What one frame's picture and its dots are worth: judged before a number is made of them, and before the filter.
+"""Plausibility check of each frame: whether its picture and dots give a valid wrench, and whether the filter takes it.
 
     gate.frozen(frame), gate.judge(likeness, tracks, estimate, predict)
 
-Four things are looked at, all of them functions of the frames since the last restart, so that a replay judges alike:
+Four properties are checked, all from the frames since the last restart alone, so that a replay gives the same result:
 
-- the picture as a whole: its likeness with the reference (black, white, noise, another scene);
-- the dots: how many are followed, and how well each one's window correlates. A press costs little of it (0.97 at 50 N
-  in simulation), a glint, a speck or a damaged block much;
-- the step of the force against the filter's prediction. Where some windows are less than sure, a step is only taken
-  over when the next frame confirms it: a damaged picture is alone, a press is not. Where all windows are sure, a step
-  is a press and is taken over at once;
+- the picture as a whole: its correlation with the reference (black, white, noise, another scene);
+- the dots: how many are followed, and the correlation of each window. A press lowers it little (0.97 at 50 N in
+  simulation); a glint, a speck or a damaged block lowers it much;
+- the step of the force against the filter's prediction. Where a window's correlation is below ``SURE``, a step is used
+  only if the next frame confirms it: damage is in one picture, a press in all that follow. Otherwise a step is a press
+  and is used at once;
 - whether the picture changes at all.
 
 Forces in N, times in s of the frames' own clock.
@@ -28,7 +28,7 @@ from sensing.live.core.state import Event
 from sensing.records import DotTracks, Frame, Image, Wrench
 
 SMALL = (30, 40)  # rows and columns in which pictures are compared as a whole
-LEAST_SIDE_PX = 120
+LEAST_SIDE_PX = 120  # least short side to which a picture is subsampled for the comparison
 LEAST_LIKENESS = 0.5  # E: correlation of the small pictures; 0.95 under 52 N, 0 of a black one
 SURE = 0.98  # correlation of the worst window above which a step needs no confirmation
 CLEAR, CLEAR_PER_N, LEAST_CLEAR = 0.985, 0.001, 0.94  # correlation that a dot keeps, less per N of load at D=130 T=8
@@ -41,13 +41,13 @@ DISTURBED, UNCONFIRMED = "dots_disturbed", "unconfirmed"
 
 @dataclass(frozen=True)
 class Verdict:
-    """Of one frame.
+    """Result of the check of one frame.
 
     Attributes:
         event: GOOD, FLAGGED or why there is no number.
-        reason: in words; empty for a good frame.
-        flags: for the wrench.
-        held: whether the estimate is kept from the filter until the next frame confirms it.
+        reason: one line; empty for a good frame.
+        flags: flags of its wrench.
+        held: whether the filter must not use the estimate until the next frame confirms it.
     """
 
     event: Event
@@ -57,10 +57,10 @@ class Verdict:
 
 
 class Gate:
-    """Judges the frames of one endcap, in order.
+    """Checks the frames of one endcap, in order.
 
     Args:
-        load_scale: how large its forces are (:mod:`sensing.wrench.load_scale`).
+        load_scale: scale of its forces (:mod:`sensing.wrench.load_scale`).
     """
 
     def __init__(self, load_scale: float = 1.0) -> None:
@@ -70,7 +70,7 @@ class Gate:
         self._held_n: NDArray[np.float64] | None = None
 
     def frozen(self, frame: Frame) -> float:
-        """For how long the picture has been the same, s; 0 until that is too long."""
+        """Time for which the picture has been the same, s; 0 while that is within the limit."""
         if self._same is None or not frame.shows_same(self._same):
             self._same, self._count = frame, 0
         self._count += 1
@@ -81,10 +81,10 @@ class Gate:
         """Verdict on one frame.
 
         Args:
-            likeness: of the picture with the reference (:func:`likeness`).
-            tracks: None for methods without dots.
-            estimate: of this frame alone.
-            predict: gives the (3,) force that the filter expects; None before its first.
+            likeness: correlation of the picture with the reference (:func:`likeness`).
+            tracks: dots of the frame; None for methods without dots.
+            estimate: wrench of this frame alone.
+            predict: returns the (3,) force that the filter predicts, N; None before its first estimate.
         """
         blind = _blind(likeness, tracks, estimate)
         if blind:
@@ -126,10 +126,10 @@ class Gate:
 
 
 def torn_row(tracks: DotTracks) -> float:
-    """Row below which all dots slid sideways by the same, as in a picture put together from two; 0 if there is none.
+    """Row below which all dots moved sideways alike, as in a picture joined from two frames; 0 if there is none.
 
-    A tear between the dots leaves every window whole. Two rows' means explain all of such displacements, and at most
-    0.8 of any press of the simulated robot.
+    A tear between the dots leaves every window intact. The means above and below one row explain all of such
+    displacements, but at most 0.8 of those of any press of the simulated robot.
     """
     row, explained, step_x, step_y = best_tear(tracks.reference_px, tracks.position_px, tracks.lost, TORN_SIDE)
     torn = explained > TORN and step_x > TORN_PX * tracks.size[1] / 480 and step_y < 0.1 * step_x
@@ -141,7 +141,7 @@ def _torn(row: float) -> str:
 
 
 def small_picture(gray: Image) -> NDArray[np.float32]:
-    """(1200,) the picture in few pixels, without its mean."""
+    """(1200,) block means of the picture, without their mean."""
     step = max(1, min(gray.shape) // LEAST_SIDE_PX)  # every pixel would cost ten times as much
     return block_means(gray, step, *SMALL)
 
@@ -153,7 +153,7 @@ def likeness(small: NDArray[np.float32], reference: NDArray[np.float32]) -> floa
 
 
 def _blind(alike: float, tracks: DotTracks | None, estimate: Wrench) -> str:
-    """Why there is no number in this picture; empty if there is."""
+    """Reason why this picture gives no valid wrench; empty if it does."""
     hint = "is the lamp on, the lens free, the camera the one that was zeroed?"
     if tracks is not None and not tracks.enough:
         return f"{int((~tracks.lost).sum())} of {len(tracks.ids)} dots are seen: {hint}"

@@ -3,8 +3,8 @@
     measurement = Measurement(config, model, reference, number, epoch)
     reading = measurement.read(frame, frame.time_s)
 
-One object lives from one restart to the next: all that a reading takes from the frames before it is in here, so that
-the same frames after a restart give the same bits. Times in s of the frames' own clock, stages in ms.
+One object is used from one restart to the next. It holds all state that a reading takes from earlier frames, so that
+the same frames after a restart give the same bits. Times in s on the frames' own clock, stage times in ms.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ from sensing.wrench.relaxation import RateFilter
 from sensing.wrench.simulation_spread import learned_from_simulation, simulation_spread
 from sensing.wrench.stiffness import OTHER_WEIGHTS, Stiffness, shear_mpa_of, weights_digest
 
-DRIFT_EVERY = 30  # frames between looks at lamp and mounting, and for a reference under load
+DRIFT_EVERY = 30  # frames between checks of lamp and mounting, and for a reference taken under load
 MOVED = "moved"  # flag: camera or lens, since the reference
 COARSE = 8  # reduction at which methods without dots compare whole pictures
 
 
 class Measurement:
-    """Readings of one endcap against one reference, frames in order.
+    """Makes readings of one endcap against one reference, from frames in order.
 
     Args:
         endcap: its name, design and contact threshold.
         model: estimates the wrench.
-        reference: picture and method.
-        check: of the camera against that picture; None for methods without dots.
+        reference: picture of the untouched endcap, and the field method set up with it.
+        check: result of the check of the camera with that picture; None for methods without dots.
         number, epoch: see :class:`sensing.live.core.reading.EndcapReading`.
-        kept: of the frames before a restart.
+        kept: state kept from the frames before a restart.
 
     Attributes:
-        contact: as of the last frame; None before the first.
+        contact: state of contact at the last frame; None before the first.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Measurement:
 
     @property
     def kept(self) -> Kept:
-        """What a restart keeps of the frames so far."""
+        """State that a restart keeps."""
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
         return Kept((x, y, z), self._mounting.reason, self._load.reason, self._detector.touching)
 
@@ -124,7 +124,7 @@ class Measurement:
         )  # fmt: skip
 
     def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch, before: Kept) -> EndcapReading:
-        """The reading of a picture that was decoded."""
+        """The reading of a frame whose picture could be decoded."""
         tracks, field, gray, estimate = look.tracks, look.field, look.gray, self._estimated(look)
         watch.lap("wrench")
         alike = look.likeness if gray is None else likeness(small_picture(gray), self._alike_to)
@@ -166,7 +166,7 @@ class Measurement:
         )  # fmt: skip
 
     def _estimated(self, look: _Look) -> Wrench:
-        """The wrench of one picture, in its covariance what camera, training data and silicone leave unknown."""
+        """The wrench of one picture; its covariance includes the errors of camera, training data and silicone."""
         estimate = self._model.estimator.estimate(look.field)
         if self._check is not None and look.tracks is not None:
             estimate = self._check.widened(estimate, look.tracks)
@@ -175,7 +175,7 @@ class Measurement:
         return self._stiffness.applied(estimate)
 
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
-        """The verdict with what is doubtful about the reference and its camera, and whether that has moved since."""
+        """The verdict with the flags of the reference and its camera, and of a movement of the camera since."""
         if tracks is not None:
             self._mounting.update(tracks, self._own_weight)
         if verdict.event not in MEASURED:
@@ -195,14 +195,14 @@ class Measurement:
         )  # fmt: skip
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:
-        """(3,) force that the filter expects; None before its first, and after a gap that starts it anew."""
+        """(3,) force that the filter predicts, N; None before its first estimate, and after a gap that restarts it."""
         last_s = self._filter.last_s
         if last_s is None or time_s - last_s > self._filter.config.gap_s:
             return None
         return self._filter.at(time_s).force_n
 
     def _at_origin(self, wrench: Wrench, flags: frozenset[str], known: bool) -> Wrench:
-        """From the sphere's centre to the endcap's origin; NaN where it is not known."""
+        """The wrench about the endcap's origin instead of the sphere's centre; NaN where ``known`` is False."""
         moved = self._to_endcap @ np.concatenate([wrench.force_n, wrench.torque_nm])
         covariance = self._to_endcap @ wrench.covariance @ self._to_endcap.T
         if not known:
@@ -210,7 +210,7 @@ class Measurement:
         return Wrench(wrench.time_s, moved[:3], moved[3:], "endcap", covariance, flags)
 
     def _unusable(self, zero: Zero, frame: Frame) -> Verdict | None:
-        """Why a frame is not even decoded; some methods would answer for any size."""
+        """Reason why a frame is not decoded: frozen or resized, where some methods would give numbers; else None."""
         same_s = self._gate.frozen(frame)
         if same_s:
             reason = f"same picture for {same_s:.1f} s: the camera hangs, plug it in again"
@@ -225,7 +225,7 @@ class Measurement:
         return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 
     def _look(self, frame: Frame, watch: _Watch) -> _Look | Verdict:
-        """What a picture shows, or why it cannot be used."""
+        """Tracks and field of a picture, or the reason why it cannot be used."""
         unusable = self._unusable(self._used.zero, frame)
         if unusable is not None:
             return unusable
@@ -235,7 +235,7 @@ class Measurement:
             return Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
 
     def _recorded(self, frame: SeenFrame, watch: _Watch) -> _Look | Verdict:
-        """What a picture showed when it was recorded."""
+        """Tracks and field of a recorded picture, or the reason why it could not be used."""
         method = self._used.method
         if frame.refused is not None:
             return frame.refused
@@ -249,11 +249,11 @@ class Measurement:
 
     @property
     def _change_g(self) -> NDArray[np.float64]:
-        """(3,) change of gravity that is taken out; NaN where none is looked for."""
+        """(3,) change of gravity, g, whose effect is subtracted; NaN where none is estimated."""
         return NO_CHANGE if self._own_weight is None else self._own_weight.change_g
 
     def _field_of(self, method: ModelInput, tracks: DotTracks) -> ShearField:
-        """The field that a load makes: without what the skin's own weight does in another pose."""
+        """The field due to the load: without the motion due to the skin's own weight in another pose."""
         return method.field(tracks, None if self._own_weight is None else self._own_weight.motion(tracks))
 
     def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> _Look:
@@ -273,7 +273,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class _Look:
-    """What one picture shows; gray: None where only its likeness with the reference was recorded."""
+    """Tracks, field and gray picture of one frame; ``gray`` is None where only ``likeness`` was recorded."""
 
     tracks: DotTracks | None
     field: ShearField
@@ -282,7 +282,7 @@ class _Look:
 
 
 class _Watch:
-    """Laps in ms."""
+    """Stop watch: duration of each stage, ms."""
 
     def __init__(self) -> None:
         self.stages: dict[str, float] = {}

@@ -1,11 +1,11 @@
-"""One endcap: frame -> decode -> track -> field -> wrench -> filter -> contact, with the time of every stage.
+"""Pipeline of one endcap: frame -> decode -> track -> field -> wrench -> filter -> contact, with stage times.
 
     pipeline = EndcapPipeline(EndcapConfig("endcap_0", "0"), load_model("default", params), zero)
     reading = pipeline.update(frame)                 # None before the first reference, and for a frame that came late
 
-Every other frame gives a reading; whether its numbers count is part of it (:mod:`sensing.live.core.gate`).
-Deterministic: after :meth:`EndcapPipeline.restart` the same frames give the same bits, which is what replay relies on.
-Times in s of the frames' own clock, stages in ms.
+All other frames give a reading, which states whether its numbers are valid (:mod:`sensing.live.core.gate`).
+Deterministic: after :meth:`EndcapPipeline.restart` the same frames give the same bits; replay relies on it.
+Times in s on the frames' own clock, stage times in ms.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from sensing.tracking.tracker import DotTracker, frame_size
 from sensing.tracking.zero import Zero
 
 ZERO_FRAMES = 10  # averaged for a reference
-KEPT_CAMERAS = 2  # of earlier references: the last one, and the one before that an undo goes back to
-JUMP_S = 0.5  # capture times that go back by more than this, or forward by a minute, start everything anew
-FORWARD_S = 60.0
+KEPT_CAMERAS = 2  # cameras of earlier references: of the last one, and of the one that an undo returns to
+JUMP_S = 0.5  # a capture time that steps back by more than this restarts the pipeline
+FORWARD_S = 60.0  # so does one that steps forward by more than this
 
 
 class EndcapPipeline:
-    """Frames of one endcap in, readings out; not for two threads at once, but for the requests.
+    """Makes readings from the frames of one endcap. One thread updates it; any thread may call the requests.
 
     Args:
         endcap: its name and design.
@@ -51,7 +51,7 @@ class EndcapPipeline:
 
     Attributes:
         outcome: event and reason of the last frame; None for one that came late.
-        faults: frames that could not be used.
+        faults: number of frames that could not be used.
         epoch: see :class:`sensing.live.core.reading.EndcapReading`.
     """
 
@@ -85,14 +85,14 @@ class EndcapPipeline:
             self._begin()
             self._taker.ask()
 
-    # --- asked from any thread ------------------------------------------------------------------------------------
+    # --- called from any thread -----------------------------------------------------------------------------------
     @property
     def zero(self) -> Zero | None:
         """The reference in use."""
         return None if self._used is None else self._used.zero
 
     def camera(self, width_px: int, height_px: int) -> MountedCamera:
-        """The camera in use, for pictures of a size: the calibrated one, that of the reference, or of the design."""
+        """Camera in use, for pictures of a size: the calibrated one, that of the reference, or the nominal."""
         camera = self._camera if self._check is None else self._check.rest.camera
         if camera is None:
             return nominal_mount(self.endcap.params, width_px, height_px)
@@ -100,12 +100,12 @@ class EndcapPipeline:
 
     @property
     def rest_camera(self) -> RestCamera | None:
-        """What the reference in use says of the camera; None before it, and for methods without dots."""
+        """Camera estimated from the reference in use; None before it, and for methods without dots."""
         return None if self._check is None else self._check.rest
 
     @property
     def note(self) -> str:
-        """Answer to the last request, or what was unusual lately; after some seconds what is wrong with the camera."""
+        """Result of the last request or incident; after some seconds the fault of the camera, if there is one."""
         if self._used is not None and self._taker.collecting:
             return self._taker.reason
         lasting = "" if self._check is None else self._check.message
@@ -122,13 +122,13 @@ class EndcapPipeline:
         return self._before is not None
 
     def request_zero(self, confirmed: bool = False) -> str:
-        """Take a new reference from the next frames; the old one serves until then, and stays if it is refused.
+        """Take a new reference from the next frames; the old one is used until then, and kept if the new is refused.
 
         Args:
             confirmed: take it although the endcap is touched, or looks pressed.
 
         Returns:
-            Why not; empty if it will be tried.
+            Reason of a refusal; empty if the request is accepted.
         """
         contact = None if self._measurement is None else self._measurement.contact
         if self.zero_frames == 0:
@@ -141,7 +141,7 @@ class EndcapPipeline:
         return ""
 
     def request_undo(self) -> str:
-        """Go back to the reference before, or stay at this one if another is being taken; returns why not, or ""."""
+        """Return to the last reference, or cancel a request in progress; returns the reason of a refusal, or ""."""
         if self._used is not None and self._taker.cancel():
             return self._say("")
         if self._before is None:
@@ -154,19 +154,20 @@ class EndcapPipeline:
         self._restart_wanted = True
 
     def stop(self) -> None:
-        """No reference will be needed any more."""
+        """Cancel requests for references, and accept no more."""
         self._taker.stop()
 
     def close(self, wait_s: float = 5.0) -> None:
-        """Stop, and wait for a reference that is being made: its thread runs compiled code."""
+        """Stop, and wait at most ``wait_s`` for a reference in progress: its thread runs compiled code."""
         self._taker.close(wait_s)
 
-    # --- the loop's thread ----------------------------------------------------------------------------------------
+    # --- called from the thread of the loop -----------------------------------------------------------------------
     def update(self, frame: Frame, captured_s: float | None = None) -> EndcapReading | None:
-        """Work on one frame; its event is left in ``outcome``.
+        """The reading of one frame, or None: before the first reference, and for a frame that came late.
 
-        Returns:
-            The reading, or None: before the first reference, and for a frame that came late.
+        Args:
+            frame: the frame; its event is stored in ``outcome``.
+            captured_s: capture time on this run's clock; None where it is the frame's own time.
         """
         refused, frame = self._take_over(), sized(frame)
         self._taker.offer(frame, self.zero)
@@ -225,22 +226,22 @@ class EndcapPipeline:
         if self.model.method == "dots":
             rest, tracker = self._rest_camera(zero)
             method = ModelInput(tracker, self.model.shape, self.endcap.params, rest.camera, self.model.radial)
-            method.update(zero.frame())  # compiled code is loaded now, not in the first live frame
+            method.update(zero.frame())  # loads compiled code before the first live frame
             method.restart()
-            _ = method.tracker.wide  # nor is it made when dots are first lost
+            _ = method.tracker.wide  # built now, not when dots are first lost
             self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator, zero)
             return method
         return field_method(self.model.method, zero.frame(), self.model.shape)
 
     def _anew(self, reference: Reference) -> Reference:
-        """The reference with a method that has seen nothing; dots need not be set up again, which takes a second."""
+        """The reference with a method without history; a tracker is reused, as building one takes a second."""
         if isinstance(reference.method, ModelInput):
             reference.method.restart()
             return reference
         return Reference(reference.zero, self._build(reference.zero))
 
     def _rest_camera(self, zero: Zero) -> tuple[RestCamera, DotTracker]:
-        """Looked for once a picture: a reference is set up again to be compared with the next. And its tracker."""
+        """Camera and tracker of a reference; the camera is estimated once per picture and kept."""
         digest, tracker = zero.digest, DotTracker(zero.frame(), params=self.endcap.params)
         if digest not in self._cameras:
             found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
@@ -252,11 +253,11 @@ class EndcapPipeline:
         self._begin(kept)
 
     def _restart_in_use(self) -> None:
-        """Anew with what the frames so far have shown of turn and mounting: a touch may hide it from the next ones."""
+        """Restart, but keep the estimates of pose and mounting, which a touch may hide in the next frames."""
         self.restart(NOTHING_KEPT if self._measurement is None else self._measurement.kept)
 
     def _take_over(self) -> str:
-        """What was asked for takes effect between two frames; returns why the first reference was refused."""
+        """Carry out requests between two frames; returns why the first reference was refused, or ""."""
         try:
             made = self._taker.take()
         except EndcapError as error:
@@ -281,9 +282,8 @@ class EndcapPipeline:
         self._note, self._note_until_s = note, time.monotonic() + NOTE_S
         return note
 
-    # --- one frame ------------------------------------------------------------------------------------------------
     def _in_order(self, time_s: float) -> bool:
-        """False for a frame that is not newer than the last; a clock that was set, or a long pause, starts all anew."""
+        """False for a frame that is not newer than the last; a clock that was set, or a long pause, restarts."""
         step = time_s - self._last_s
         if step != step or -JUMP_S < step <= 0:
             self.faults += 1
@@ -291,9 +291,9 @@ class EndcapPipeline:
             return False
         if self._last_s > float("-inf") and not -JUMP_S < step < FORWARD_S:
             self._restart_in_use()
+            reason = f"the clock of the frames was set back by {-step:.1f} s"
             if step > 0:
-                self._say(f"no frame for {step:.0f} s, or their clock was set: started anew")
-            else:
-                self._say(f"the clock of the frames was set back by {-step:.1f} s: started anew")
+                reason = f"no frame for {step:.0f} s, or their clock was set"
+            self._say(f"{reason}: started anew")
         self._last_s = time_s
         return True

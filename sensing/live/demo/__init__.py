@@ -1,1 +1,1 @@
-"""The simulated robot as six cameras: what runs where no camera is."""
+"""The simulated robot as six cameras, for runs without hardware."""

@@ -1,1 +1,1 @@
-"""Where readings go: terminal, JSON lines, recordings, ROS 2 topics, viewers."""
+"""Outputs of a run: terminal, JSON lines, recordings, ROS 2 topics, viewers."""

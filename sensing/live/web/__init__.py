@@ -1,1 +1,1 @@
-"""The page of a run, served by a process of its own."""
+"""The web page of a run, which a process of its own serves."""

@@ -1,1 +1,1 @@
-"""The simulated robot as a source of samples; nothing else of the robot knows the simulator."""
+"""The simulated robot as a source of samples; no other module of the robot imports the simulator."""

@@ -1,1 +1,1 @@
-"""The running estimator: where samples come from, and where estimates go."""
+"""The running estimator of the robot: sources of samples and outputs of estimates."""

@@ -1,1 +1,1 @@
-"""Loading paths: how a shell is pressed for a data set."""
+"""Loading paths of data sets."""

@@ -1,1 +1,1 @@
-"""States of every shell from a few solved ones: units, library, labelled sets of any design and silicone."""
+"""Scales a few solved shells to any design and silicone: units, library, labelled sets."""

@@ -1,1 +1,1 @@
-"""A tensegrity robot that rolls over terrain in MuJoCo, and what its sensors report on the way."""
+"""Simulates a tensegrity robot that rolls over terrain in MuJoCo, and the samples of its sensors."""

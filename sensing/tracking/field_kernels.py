@@ -1,4 +1,4 @@
-"""Compiled inner loops of :mod:`sensing.tracking.field_operator` (numba, cached on disk): one pass a matrix and frame.
+"""Compiled inner loops of :mod:`sensing.tracking.field_operator` (numba, cached on disk): one pass per matrix, frame.
 
 Units: whatever the displacements have; matrices as in :class:`sensing.tracking.field_operator.FieldOperator`.
 """
@@ -42,18 +42,18 @@ def cells_of_dots(to_cells, moved):
 
 
 @numba.njit(**SHORT | {"fastmath": KEEPS_NAN})
-def add_surprise(cells, bend, predicted, stretch, least, scatters):
-    """Adds to ``cells`` what the measured stretch says beyond the prediction's usual scatter.
+def add_stretch_residual(cells, stretch_gain, predicted, stretch, least, medians):
+    """Adds to ``cells`` the part of the stretch residuals (measured minus predicted) that exceeds their usual scatter.
 
-    What is within ``scatters`` times the median contradiction (or ``least``) is shrunk to nothing, smoothly, as James
-    and Stein do.
+    A residual r below the limit s, ``medians`` times the median norm but at least ``least``, adds nothing; a larger one
+    is shrunk by 1 - s^2 / r^2 (positive-part James-Stein shrinkage: Efron and Morris 1973).
 
     Args:
         cells: (2, H * W) float32, changed.
-        bend: (2 N, H * W) of the operator.
-        predicted, stretch: (N, 2, 2); a dot whose measured stretch is NaN says nothing.
-        least: least contradiction that counts.
-        scatters: or this many times the median one.
+        stretch_gain: (2 N, H * W) of the operator.
+        predicted, stretch: (N, 2, 2); a dot whose measured stretch is NaN adds nothing.
+        least: least limit of the residual.
+        medians: limit over the median residual.
     """
     count = len(stretch)
     square = np.zeros(count)
@@ -62,13 +62,13 @@ def add_surprise(cells, bend, predicted, stretch, least, scatters):
             for k in range(2):
                 for m in range(2):
                     square[i] += (stretch[i, k, m] - predicted[i, k, m]) ** 2
-    usual = max(least, scatters * np.sqrt(np.median(square))) ** 2
+    limit = max(least, medians * np.sqrt(np.median(square))) ** 2
     for i in range(count):
-        if square[i] > usual:
-            share = 1 - usual / square[i]
+        if square[i] > limit:
+            share = 1 - limit / square[i]
             for axis in range(2):
                 u, v = stretch[i, 0, axis] - predicted[i, 0, axis], stretch[i, 1, axis] - predicted[i, 1, axis]
-                _add(cells, bend[axis * count + i], np.float32(share * u), np.float32(share * v))
+                _add(cells, stretch_gain[axis * count + i], np.float32(share * u), np.float32(share * v))
 
 
 @numba.njit(**HELPER)
@@ -80,18 +80,18 @@ def _add(cells, line, u, v):
 
 
 @numba.njit(**SHORT)
-def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
-    """Which dots are inliers, (N,) bool: those that match the reference and that the others do not contradict.
+def find_inliers(precision, moved, quality, spacing, qualities, limits, fewest, most):
+    """(N,) bool, inliers: dots that match the reference and whose leave-one-out residual is within its limit.
 
     Args:
         precision: (N, N) float64 Q of :class:`sensing.tracking.field_operator.FieldOperator`.
-        moved: (N, 2) float64 displacements; the rows of lost dots are overwritten by what the live ones predict.
-        quality: (N,) float64 correlation with the reference; cut to 1, and 0 for dots that the others contradict.
-        spacing: (N,) float64 distance to the next dot.
-        sure: quality under which a dot is lost, and from which it is trusted most.
-        trust: leave-one-out residual over the spacing that an inlier may have at these two.
-        fewest: stop dropping when so few are left.
-        most: drop at most so many, worst first.
+        moved: (N, 2) float64 displacements; the rows of outliers are overwritten by the prediction from the inliers.
+        quality: (N,) float64 correlation with the reference; clipped to 1, and set to 0 for rejected dots.
+        spacing: (N,) float64 distance to the nearest other dot, in the unit of the displacements.
+        qualities: correlation under which a dot is lost, and that from which its limit is the larger one.
+        limits: largest leave-one-out residual of an inlier over the spacing, at these two correlations.
+        fewest: no dot is rejected when fewer than so many are left.
+        most: largest number of rejected dots; the worst is rejected first.
 
     Notes:
         Taking dot i out of a Gaussian model is one step of elimination: Q' = Q - Q[:, i] Q[i, :] / Q_ii. With Q' the
@@ -99,10 +99,10 @@ def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
         predict the lost dots: d_i = -sum_k Q'_ik d_k / Q'_ii.
     """
     count = len(quality)
-    live, limit = quality > sure[0], np.empty(count)
+    live, limit = quality > qualities[0], np.empty(count)
     for i in range(count):
-        share = min(max((quality[i] - sure[0]) / max(sure[1] - sure[0], 1e-9), 0.0), 1.0)
-        limit[i] = (trust[0] + share * (trust[1] - trust[0])) * spacing[i]
+        share = min(max((quality[i] - qualities[0]) / max(qualities[1] - qualities[0], 1e-9), 0.0), 1.0)
+        limit[i] = (limits[0] + share * (limits[1] - limits[0])) * spacing[i]
         quality[i] = min(quality[i], 1.0)
     rest = precision.copy()
     x, y, present = np.where(live, moved[:, 0], 0.0), np.where(live, moved[:, 1], 0.0), np.ones(count, np.bool_)
@@ -130,7 +130,7 @@ def judge_dots(precision, moved, quality, spacing, sure, trust, fewest, most):
 
 @numba.njit(**HELPER)
 def _fill(rest, order, x, y, moved):
-    """Puts the dots of ``order`` (as they were taken out) where those that stayed predict them."""
+    """Overwrites the dots of ``order`` (the order of elimination) by the prediction from the dots that remain."""
     for n in range(len(order) - 1, -1, -1):
         i = order[n]
         u, v = _products(rest[i], x, y)
@@ -140,7 +140,7 @@ def _fill(rest, order, x, y, moved):
 
 @numba.njit(**HELPER)
 def _eliminate(rest, i, present):
-    """Takes dot i out of ``rest``; its row stays as it was, and its column becomes zero in the rows that remain."""
+    """Eliminates dot i from ``rest``: its row stays as it was, its column becomes zero in the rows that remain."""
     present[i] = False
     source = rest[i]
     for row in range(len(rest)):
@@ -153,13 +153,13 @@ def _eliminate(rest, i, present):
 
 
 @numba.njit(**HELPER)
-def _worst(rest, x, y, present, trust):
-    """(dot, its leave-one-out residual over what is trusted) of the dot that the others contradict most."""
+def _worst(rest, x, y, present, limit):
+    """(dot, residual over limit) of the dot whose leave-one-out residual is largest relative to its limit."""
     worst, largest = 0, 0.0
     for i in range(len(present)):
         if present[i]:
             u, v = _products(rest[i], x, y)
-            excess = np.sqrt(u * u + v * v) / (rest[i, i] * trust[i])
+            excess = np.sqrt(u * u + v * v) / (rest[i, i] * limit[i])
             if excess > largest:
                 worst, largest = i, excess
     return worst, largest

@@ -26,15 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
-from sensing.tracking.field_kernels import add_surprise, cells_of_dots, stretch_at_dots
+from sensing.tracking.field_kernels import add_stretch_residual, cells_of_dots, stretch_at_dots
 
 LENGTH_PX = 80.0  # at 480 px short side; measured in bench/bench_fields.py
 NOISE = 0.005  # lambda, relative to the Matern part's variance
 AFFINE_VARIANCE = 100.0  # a: ten standard deviations of the local part
 STRETCH_NOISE = 0.3  # lambda of the measured derivatives (per length)
-SURPRISE = 0.08  # least contradiction between measured and predicted stretch that counts
-SCATTERS = 2.5  # or this many times the median one
-REACH_PX = 70.0  # a cell this near a live dot is valid (dots are 40 to 50 apart)
+LEAST_STRETCH_RESIDUAL = 0.08  # residual of a measured stretch that is never used
+MEDIAN_RESIDUALS = 2.5  # the same over the median residual of a frame
+REACH_PX = 70.0  # at 480 px: a cell this near to an inlier is valid (dots are 40 to 50 apart)
 CELL_SAMPLES = 3  # per side: a cell's value is its mean, not its centre's
 
 
@@ -46,7 +46,7 @@ class FieldOperator:
         to_cells: (N, H * W) displacement of the dots to mean displacement of the cells (cells = d @ to_cells).
         precision: (N, N) Q = (K + lambda I)^-1.
         gradient: (2 N, N) displacement of the dots to its x (first N rows) and y derivative at the dots, per pixel.
-        make_bend: makes :attr:`bend`.
+        make_stretch_gain: makes :attr:`stretch_gain`.
         near: (H * W, N) 0 or 1, dot within reach of a cell.
         reached: (H, W) cells that any dot reaches.
         shape: (H, W).
@@ -56,26 +56,26 @@ class FieldOperator:
     to_cells: NDArray[np.float32]
     precision: NDArray[np.float64]
     gradient: NDArray[np.float64]
-    make_bend: Callable[[], NDArray[np.float32]]
+    make_stretch_gain: Callable[[], NDArray[np.float32]]
     near: NDArray[np.float32]
     reached: NDArray[np.bool_]
     shape: tuple[int, int]
     condition: float
 
     @cached_property
-    def bend(self) -> NDArray[np.float32]:
-        """(2 N, H * W) surprise in the derivatives at the dots (x then y) to displacement of the cells.
+    def stretch_gain(self) -> NDArray[np.float32]:
+        """(2 N, H * W) from residuals of the derivatives at the dots (x, then y) to displacements of the cells.
 
-        Made when it is first asked for: who reads displacements alone does without it.
+        It is computed on first use, because readers of displacements alone do not need it.
         """
-        return self.make_bend()
+        return self.make_stretch_gain()
 
     def left_out(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2) each dot's displacement minus what all others predict for it."""
+        """(N, 2) leave-one-out residuals: displacement of each dot minus its prediction from all others."""
         return (self.precision @ displacement) / self.precision.diagonal()[:, None]
 
     def filled(self, displacement: NDArray[np.float64], live: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(N, 2) with the rows of dots that are not live replaced by what the live ones predict (zero if none is)."""
+        """(N, 2) with the rows of dots that are not live predicted from those that are (zero if none is)."""
         if live.all():
             return displacement
         if not live.any():
@@ -87,7 +87,7 @@ class FieldOperator:
         return result
 
     def predicted_stretch(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2, 2) d displacement_i / d x_j at the dots, as the displacements of all dots have it."""
+        """(N, 2, 2) d displacement_i / d x_j at the dots, from the displacements of all dots."""
         return stretch_at_dots(self.gradient, displacement, np.inf)
 
     def field(
@@ -97,12 +97,19 @@ class FieldOperator:
 
         Args:
             displacement: (N, 2), finite.
-            stretch: (N, 2, 2) measured at the dots (NaN where not): sharpens the field where it contradicts the
-                smooth prediction by more than its own scatter.
+            stretch: (N, 2, 2) measured at the dots (NaN where not): corrects the field where it differs from the
+                smooth prediction by more than its usual scatter.
         """
         cells = cells_of_dots(self.to_cells, displacement)
         if stretch is not None:
-            add_surprise(cells, self.bend, self.predicted_stretch(displacement), stretch, SURPRISE, SCATTERS)
+            add_stretch_residual(
+                cells,
+                self.stretch_gain,
+                self.predicted_stretch(displacement),
+                stretch,
+                LEAST_STRETCH_RESIDUAL,
+                MEDIAN_RESIDUALS,
+            )
         return cells.reshape(2, *self.shape)
 
     def valid(self, live: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -133,7 +140,7 @@ def field_operator(
     """
     reference_px = _checked(reference_px, length_px, noise)
     scale = min(size) / 480.0
-    origin = reference_px.mean(axis=0)  # so that few dots tilt nothing
+    origin = reference_px.mean(axis=0)  # the affine part is then well determined by few dots
     dots = (reference_px - origin) / (length_px * scale)
     gram = _kernel(dots, dots) + noise * np.eye(len(dots))
     precision = np.linalg.inv(gram)
@@ -145,15 +152,15 @@ def field_operator(
     distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
     near = distance < REACH_PX * scale
 
-    def make_bend() -> NDArray[np.float32]:
-        bend = _bend(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
-        return np.ascontiguousarray(bend.T, np.float32)
+    def make_stretch_gain() -> NDArray[np.float32]:
+        stretch_gain = _stretch_gain(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
+        return np.ascontiguousarray(stretch_gain.T, np.float32)
 
     return FieldOperator(
         to_cells=np.ascontiguousarray((mean_kernel @ precision).T, np.float32),
         precision=precision,
         gradient=gradient.reshape(-1, len(dots)) / (length_px * scale),
-        make_bend=make_bend,
+        make_stretch_gain=make_stretch_gain,
         near=near.astype(np.float32),
         reached=near.any(axis=1).reshape(shape),
         shape=shape,
@@ -213,7 +220,7 @@ def _kernel_gradient(dots: NDArray[np.float64]) -> NDArray[np.float64]:
     return local + AFFINE_VARIANCE * dots.T[:, None, :]
 
 
-def _bend(
+def _stretch_gain(
     points: NDArray[np.float64],
     dots: NDArray[np.float64],
     mean_kernel: NDArray[np.float64],

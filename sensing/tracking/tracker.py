@@ -1,10 +1,10 @@
 """Follows the painted dots from frame to frame, with a quality for each.
 
-Per frame: decode to the working size (full size at 640 x 480), align every dot's window starting from the previous
-frame (:mod:`sensing.tracking.patches`), judge it by correlation with the reference and by what its neighbours predict,
-try bad ones again from that prediction and from rest, and search from scratch (:mod:`sensing.tracking.recovery`) when
-many are bad. Searches run at half the working size, where they cost a sixteenth, and windows are then aligned at full
-size. Lost dots come back by themselves, because they are tried in every frame.
+Per frame: decode to the working size (full size at 640 x 480); align every dot's window, starting from the previous
+frame (:mod:`sensing.tracking.patches`); classify dots as inliers by the correlation with the reference and by the
+prediction from their neighbours; align outliers again from that prediction and from rest; search for all dots anew
+(:mod:`sensing.tracking.recovery`) when there are many outliers. Searches run at half the working size, where they cost
+a sixteenth, and windows are then aligned at full size. Lost dots are tried again in later frames.
 
 Units: records are in full-size pixels; inside, pixels of the working picture.
 """
@@ -23,7 +23,7 @@ from sensing.camera.dot_look import dot_look
 from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
-from sensing.tracking.field_kernels import judge_dots, stretch_at_dots
+from sensing.tracking.field_kernels import find_inliers, stretch_at_dots
 from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
 from sensing.tracking.nearest import nearest_other
 from sensing.tracking.patch_kernels import smooth_into, smoothed
@@ -32,30 +32,30 @@ from sensing.tracking.recovery import WideSearch
 
 FULL_SIZE_PX = 480  # half size costs 30 to 60 % more error in a wrench and saves a tenth of the time
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
-FEWEST_JUDGES = 5  # inliers are not put in doubt by fewer than this
-TRUST = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at least and at sure quality
-VAGUE = 6.0  # a window whose place is this much less certain than the usual one's shows an edge, not a dot
-FEWEST_WHOLE = 8  # with fewer dots than this, those that the frame's edge cuts are better than none
+FEWEST_INLIERS = 5  # with fewer, no dot is rejected for its residual
+RESIDUAL_LIMITS = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at least_ and at sure_quality
+MOST_UNCERTAIN = 6.0  # position uncertainty over the median: beyond it a window shows an edge, not a dot
+FEWEST_WHOLE = 8  # with fewer whole dots than this, dots cut by the frame's edge are used, too
 LARGEST_STRETCH = 0.5  # that a window starts from
 LARGEST_DOTS = 2.0  # times the released size: windows grow with the dots up to it (4 mm at D = 100), then time counts
-MOST_DROPPED = 12  # contradicted dots a judgement
+MOST_DROPPED = 12  # dots rejected for their residual, per classification
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Knobs of the tracker; each has its curve in bench/bench_fields.py.
+    """Parameters of the tracker; bench/bench_fields.py measures error and time over each.
 
     Attributes:
         shape: (H, W) of the field that :class:`sensing.tracking.methods.DotField` makes of the tracks.
         least_quality: correlation under which a dot is bad.
-        sure_quality: correlation from which the neighbours' opinion counts less.
-        restart_share: share of bad dots from which all are searched from scratch.
+        sure_quality: correlation from which the larger limit of the leave-one-out residual holds.
+        restart_share: share of bad dots from which all dots are searched for anew.
         window: half width of a window over the dots' median diameter.
-        length_px: length of the field's kernel at 480 px.
-        noise: noise of the field's kernel.
-        iterations: alignment steps a window at most.
+        length_px: length of the field's kernel at a short side of 480 px.
+        noise: variance of the measurement noise over that of the field's kernel.
+        iterations: largest number of alignment steps per window.
         stop_px: a step this small ends the alignment, pixels of the working picture.
-        short_side_px: the working picture keeps at least this (full size at 640 x 480).
+        short_side_px: least short side of the working picture (full size at 640 x 480).
     """
 
     shape: tuple[int, int] = (30, 30)
@@ -84,9 +84,9 @@ class DotTracker:
 
     Args:
         reference: the undeformed picture.
-        config: knobs.
-        dots: dots in pixels of the working picture; found in the reference if not given.
-        params: the endcap, whose dots are looked for; None for dots that look like the released ones.
+        config: parameters; None for the defaults.
+        dots: dots in pixels of the working picture; None finds them in the reference.
+        params: design of the endcap whose dots are looked for; None for dots that look like the released ones.
 
     Raises:
         NoDotsError: the reference has no dots.
@@ -124,7 +124,7 @@ class DotTracker:
 
     @cached_property
     def wide(self) -> WideSearch:
-        """The search for dots that have jumped; made when it is first needed, or asked for beforehand."""
+        """The search for dots that have jumped; built on first use."""
         return WideSearch(self._rest, self.dots.position_px, self._half, self.operator)
 
     def update(self, frame: Frame) -> DotTracks:
@@ -170,13 +170,13 @@ class DotTracker:
         )
 
     def restart(self) -> None:
-        """Forget the frames before: the next answers are those of a new tracker, to the bit."""
+        """Forget all earlier frames: the next results are bit for bit those of a new tracker."""
         count = len(self.dots)
-        self._patience = RETRY_EVERY - 1
+        self._frames_with_lost = RETRY_EVERY - 1
         self._last = _Fit(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(count, bool))
 
     def _follow(self, image: NDArray[np.float32]) -> _Fit:
-        """The best fit of one frame; lost dots are where their neighbours put them."""
+        """The best fit of one frame; lost dots get the position that their neighbours predict."""
         fit = self._judged(self._refined(image, self._all, self._last.moved))
         if np.count_nonzero(fit.live) < (1 - self.config.restart_share) * len(fit.live):
             again = self._search(image)
@@ -185,29 +185,38 @@ class DotTracker:
         return fit if fit.live.all() else self._retry(image, fit)
 
     def _refined(self, image: NDArray[np.float32], which: NDArray[np.int64], start: NDArray[np.float64]) -> _Fit:
-        """Windows ``which`` aligned, from displacements ``start`` and the stretch that these imply."""
+        """Windows ``which`` aligned, starting at displacements ``start`` and the stretch that these imply."""
         moved = start.copy()
         stretch = stretch_at_dots(self.operator.gradient, moved * self.reduction, LARGEST_STRETCH)
         quality = align(image, self._patches, which, moved, stretch, self.config.iterations, self.config.stop_px)
         return _Fit(moved, stretch, quality, np.zeros(len(moved), bool))
 
     def _judged(self, fit: _Fit) -> _Fit:
-        """Inliers: good correlation, and not far from what the other inliers predict."""
+        """The fit with its inliers: good correlation, and near to the prediction from the other inliers."""
         moved, quality = fit.moved.copy(), fit.quality.copy()
-        sure = (self.config.least_quality, self.config.sure_quality)
-        live = judge_dots(
-            self.operator.precision, moved, quality, self._spacing, sure, TRUST, FEWEST_JUDGES, MOST_DROPPED
+        qualities = (self.config.least_quality, self.config.sure_quality)
+        live = find_inliers(
+            self.operator.precision,
+            moved,
+            quality,
+            self._spacing,
+            qualities,
+            RESIDUAL_LIMITS,
+            FEWEST_INLIERS,
+            MOST_DROPPED,
         )
         return _Fit(moved, fit.stretch, quality, live)
 
     def _retry(self, image: NDArray[np.float32], fit: _Fit) -> _Fit:
-        """Bad dots again, from the neighbours' prediction, from rest and from a search; the better correlation stays.
+        """Align bad dots again, from the neighbours' prediction, from rest and from a search; keep the better result.
 
-        Dots that were lost before start from their neighbours' prediction anyway and get this chance now and then.
+        Dots that were lost in the last frame already started from the prediction: they are retried in every
+        ``RETRY_EVERY``-th frame only.
         """
-        self._patience += 1
+        self._frames_with_lost += 1
         disturbed = self._last.live.mean() < 1 - self.config.restart_share
-        worth = np.full(len(fit.live), True) if disturbed or self._patience % RETRY_EVERY == 0 else self._last.live
+        all_dots = disturbed or self._frames_with_lost % RETRY_EVERY == 0
+        worth = np.full(len(fit.live), True) if all_dots else self._last.live
         for attempt in (self._from_neighbours, self._from_rest, self._from_search):
             bad = ~fit.live & worth
             if not bad.any():
@@ -242,10 +251,12 @@ class _Fit:
 
 
 def _steady(dots: Dots, patches: Patches) -> NDArray[np.bool_]:
-    """All but dots whose window slides along an edge, and those that the frame's edge cuts: what is seen of them moves
-    otherwise than their centre, by up to 0.7 px, and the field's global bias hangs on the outermost dots.
+    """Dots that can be tracked: not those whose window slides along an edge, nor those cut by the frame's edge.
+
+    The visible part of a cut dot moves differently from its centre, by up to 0.7 px, and the field's global bias
+    depends most on the outermost dots.
     """
-    steady = patches.uncertainty_px <= VAGUE * np.median(patches.uncertainty_px)
+    steady = patches.uncertainty_px <= MOST_UNCERTAIN * np.median(patches.uncertainty_px)
     if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:
         steady &= ~dots.cut
     return np.asarray(steady)

@@ -14,7 +14,7 @@ from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
 from sensing.tracking.dots import Dots, NoDotsError, find_dots
-from sensing.tracking.field_kernels import judge_dots
+from sensing.tracking.field_kernels import find_inliers
 from sensing.tracking.field_operator import field_operator
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import derived_channels
@@ -115,7 +115,9 @@ def test_judgement_equals_refitting_without_the_dots_it_drops():
     expected[[10, 40, 41]] = False
     judged = spoiled.copy()
     quality = np.where(live, 1.2, 0.3)
-    reported = judge_dots(operator.precision, judged, quality, np.full(len(place), 10.0), (0.7, 0.9), (0.1, 0.4), 5, 12)
+    reported = find_inliers(
+        operator.precision, judged, quality, np.full(len(place), 10.0), (0.7, 0.9), (0.1, 0.4), 5, 12
+    )
     assert (reported == expected).all() and (quality[expected] == 1).all() and not quality[live & ~expected].any()
     assert np.allclose(judged, operator.filled(moved, expected), atol=1e-6)
 

@@ -26,11 +26,11 @@ from sensing.camera.mount import MountedCamera
 
 WHOLE_PX = 14.0  # a dot whose centre is this far from the picture's edge, at 480 rows, is seen whole
 REFERENCE_HEIGHT_PX = 480  # blob sizes below are for a dot of 14 px at this image height
-BLUR_PX = 1.0
+BLUR_PX = 1.0  # standard deviation of the smoothing before the search, at 480 rows
 BACKGROUND_PX = 37  # odd window of the median that removes dots: over twice a dot, under the dot spacing
 MIN_CONTRAST = 0.22  # relative to the silicone around it; ink measures 0.35 to 0.8, stains and seams under 0.15
-AREA_PX = (35.0, 520.0)
-FEWEST_TO_FIT = 7
+AREA_PX = (35.0, 520.0)  # of a blob at 480 rows that may be a dot
+FEWEST_TO_FIT = 7  # dots: 14 coordinates for the 11 parameters of a camera
 FEWEST, FEWEST_SHARE = 20, 0.75  # dots that a photo must show; of a design with fewer, the share of those seen
 MOST_PX = 1e5  # of a place in a picture
 ALONE = 1.5  # a dot whose nearest neighbour is this many times farther than usual may be missed by as much more

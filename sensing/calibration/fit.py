@@ -22,7 +22,7 @@ STEP = np.array([100, 10, 10, 0.1, 0.05, 0.05, 0.05, 0.1, 1, 1, 3.0])  # typical
 PAINT_MM = 0.2  # scatter of the ink's centre on the dome (M: with the finder's 0.3 mm, 1 px on the photos)
 FINDER_PX = 0.45  # of a found centre at 480 rows (M: rendered frames, 0.3 at the tip to 0.6 at the rim)
 OUTLIER = 1.5  # residuals beyond so many deviations (smears, clipped dots) count linearly instead of squared
-MOST_STEPS = 50
+MOST_STEPS = 50  # iterations of the solver
 LEAST_GAIN, NEAR_ENOUGH = 1e-10, 1e-3  # of the cost, by a last step: of a result, of a camera that only sorts dots
 LEAST_SCATTER = 0.05  # dots of a drawing scatter less than painted ones, but rounding is no evidence
 

@@ -13,8 +13,8 @@ from sensing.calibration.dots import neighbour_ratio, spacing_px
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 
-SEARCH_RINGS = 4
-TIP_CANDIDATES = 20
+SEARCH_RINGS = 4  # innermost rings of the pattern, matched by scale, rotation and shift alone
+TIP_CANDIDATES = 20  # blobs nearest to the middle of all that are tried as the anchor
 MOST_ANCHORS = 6  # dots of ring 1 that are taken for the one on a blob
 DOUBT = 2.0  # dots more that must lie on blobs at one turn for another to be excluded
 NEAR_STEPS = 4  # of a fifth of the dots' spacing: 32 px at 480 rows

@@ -21,7 +21,7 @@ LONGEST_GAP_S = 0.15  # without a reading; after it a contact starts anew
 STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one begins to without a sign in the ratio
 LEAST, MOST = 1e-3, 0.999  # of a probability of slip
 STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
-LATELY = 0.02
+LATELY = 0.02  # weight of a new value in the fading means of the report
 FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # of a slip; torque over push that is no more than noise
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -18,12 +18,12 @@ from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
-LONGEST_STEP_S = 0.01
+LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # squared innovation over its variance beyond which a length is left out
 MISFIT = 4.0  # mean squared innovation over its variance from which the shape is loosened
 LOOSE, LOOSE_M = 0.02, 0.005  # E: by so much a sample, rad and m
 FREE_NOISE = 5.0  # E: acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
-LATELY = 0.02  # part that a new innovation has in the mean
+LATELY = 0.02  # weight of a new value in the fading mean
 
 
 class Filter:

@@ -18,7 +18,7 @@ from sensing.tracking.gelslim import CROP_PX, FARNEBACK, released_gray
 from sensing.tracking.tracker import frame_size
 
 BOX_PX = 21  # local mean that normalised images are divided by, in half-size pixels
-LK_WINDOW = 15
+LK_WINDOW = 15  # side of the windows, px of the working picture
 
 
 class FarnebackField:

@@ -35,14 +35,14 @@ from sensing.tracking.motion_kernels import fitted_change
 Array = NDArray[np.float64]
 TABLE = Path(__file__).with_name("own_weight.csv")
 PROFILES = ("side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
-G_M_S2 = 9.81
+G_M_S2 = 9.81  # of one g; that with which own_weight.csv was computed
 KG_PER_MM3 = 1e-6  # of 1 g/cm3
 WALL_SCALE = 0.3  # M: of log T / R against clamp / R; where a shell is left out, its shape is met to 2 to 6 %
 NEWS_PX = 0.25  # at 480: motion from which c is looked for anew; five times what the picture's noise leaves
 LEAVES = 0.2  # of that motion, left by the fit at most: between 0.14 of a sag and 0.22 of two presses at once
 MOST_G = 4.0  # turned over is 2; a silicone half as stiff as its table says doubles that
-LEAST_DOTS = 12
-STEP_MM = 0.05
+LEAST_DOTS = 12  # followed dots that are needed to estimate c
+STEP_MM = 0.05  # largest displacement in the numerical derivative of the picture by c
 
 
 class OwnWeight:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from sensing.tracking.patch_kernels import MARGIN, SATURATED, align_windows
 
-ITERATIONS = 10
-STOP_PX = 0.02
+ITERATIONS = 10  # most alignment steps per window
+STOP_PX = 0.02  # a step this small ends the alignment, px of the working picture
 LEAST_INSIDE = 0.25  # share of a window that must lie inside the frame and be unsaturated
 OUTLINE = 0.15  # of a window's half width: how far the outline's slope reaches into a dot
 LEAST_SILICONE = 0.7  # of a window's border must be lit for the dot in it to be a whole one

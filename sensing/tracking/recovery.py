@@ -1,9 +1,10 @@
-"""Finds the dots again when they have jumped too far to be followed (one-frame jumps, a picture after darkness).
+"""Finds the dots again after a jump that is too large for tracking (within one frame, or after a dark picture).
 
-Every dot looks for windows like its own within reach; several may fit, because dots look alike. A rigid motion that
-many dots agree on (or no motion at all) picks one each; from these the field grows to the others, each new dot taking
-the candidate nearest to what its neighbours predict. So a swap of identities needs a whole patch to jump by a dot
-spacing, not one dot.
+For every dot, places whose window correlates with its own are searched within reach; there may be several, because
+dots look alike. The rigid motion that most dots have a candidate for (as in RANSAC: Fischler and Bolles 1981), or no
+motion, selects one candidate of each dot; from these the field grows to the others, each of which takes the candidate
+nearest to the prediction from its neighbours. Identities can therefore only be exchanged if a whole patch of dots jumps
+by a dot spacing.
 
 Units: pixels of the picture searched, but for what :class:`WideSearch` takes and gives: pixels of the working picture.
 """
@@ -20,25 +21,25 @@ from sensing.tracking.patch_kernels import MARGIN, framed
 from sensing.tracking.patches import cut_patches
 from sensing.tracking.search_kernels import best_rigid_motion, correlation_map
 
-STRIDE = 2
-LEAST_CORRELATION = 0.6
-CANDIDATES = 4
+STRIDE = 2  # px of the reduced picture between the places that are compared
+LEAST_CORRELATION = 0.6  # E: of a candidate
+CANDIDATES = 4  # highest local maxima kept for each dot
 AGREE_PX = 4.0  # a candidate within this of the prediction is taken
-GROW_PX = 10.0  # the same while growing: narrow bumps surprise their neighbours; half a dot spacing is 11
-ROUNDS = 8
-TRIALS = 600  # pairs of dots whose motion is put to the vote
-SHORTEST_PX = 40.0  # pairs nearer than this show no turn
-STRETCH = 0.07  # pairs whose distance changes by more than this share are no pair
+GROW_PX = 10.0  # the same while growing: neighbours predict narrow bumps badly; half a dot spacing is 11
+ROUNDS = 8  # most rounds of growing
+TRIALS = 600  # random pairs of dots, each a hypothesis of the rigid motion
+SHORTEST_PX = 40.0  # pairs nearer than this do not determine a rotation
+STRETCH = 0.07  # pairs whose distance changes by more than this share are rejected
 
 
 class WideSearch:
-    """Looks for windows far from where they were, in a picture reduced to about half of 640 x 480.
+    """Search for windows far from their last place, in a picture reduced to about half of 640 x 480.
 
     Args:
         image: framed reference of :func:`sensing.tracking.patch_kernels.smoothed`, working size.
         position: (N, 2) dots at rest, working pixels.
         half: half width of the tracker's windows, working pixels.
-        operator: of the same dots.
+        operator: field operator of the same dots.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ def _grown(
     chosen: NDArray[np.float64],
     live: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """From the live dots outward: each takes the candidate nearest to what the others predict, if near enough."""
+    """Grow from the live dots: each other dot takes the candidate nearest to its prediction, if near enough."""
     count = len(live)
     for _ in range(ROUNDS):
         if live.sum() < 3:

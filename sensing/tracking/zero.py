@@ -38,7 +38,7 @@ from sensing.tracking.tracker import DotTracker
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
 CONTACT_PX = 0.8  # at 480: dot motion left by the common one, from which it is contact
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
-LEAST_FRAMES = 3
+LEAST_FRAMES = 3  # needed to tell rest from motion
 MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
 LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
 MOST_UNSEEN = 0.12  # E: share of the reference's dots; an untouched dome that shows fewer is covered

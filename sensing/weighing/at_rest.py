@@ -23,8 +23,8 @@ HINTS = {
     "zeroed_under_load": "the reference was taken while something pressed; zero again",
 }
 Array = NDArray[np.float64]
-STILL_S = 1.0
-LEAST_READINGS = 5
+STILL_S = 1.0  # length of an interval at rest
+LEAST_READINGS = 5  # in such an interval
 # Most that the halves differ by, and most standard deviation: in N at D=130 T=8, or part of the load if that is larger.
 MOVED_N, MOVED_PART = 0.05, 0.01
 SCATTER_N, SCATTER_PART = 0.15, 0.02

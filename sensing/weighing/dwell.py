@@ -32,7 +32,7 @@ from sensing.wrench.contact import autocorrelation_time
 from sensing.wrench.relaxation import Term, advanced
 
 Array = NDArray[np.float64]
-LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0
+LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0  # under the weight, and after its release
 LEAST_LOAD_N = 3.0  # at D=130 T=8
 JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what still moves is creep
 GRID = 13  # relaxation times looked at in each round

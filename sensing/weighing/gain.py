@@ -35,11 +35,11 @@ ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is s
 CONTRADICTION = 1e-3  # probability with which consistent weights are refused
 ALIKE_DEG = 3.0  # E: verticals of poses that differ by less are those of one table
 SAME_DEG = 1e-6  # verticals that were given as one differ by rounding
-LEAST_POSES = 2
+LEAST_POSES = 2  # a single wrong weight could not be noticed
 LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
 SOFTEST, STIFFEST = 0.04, 5.0  # E: gains that silicones of cad/materials.csv and harder ones have
 UNITS_G = {"N": 101.972, "oz": 28.3495}  # typed by mistake for g, in g (kg and lb are too few to be g)
-ROUNDS = 50
+ROUNDS = 50  # iterations of the fit
 
 
 class WeighingError(EndcapError):

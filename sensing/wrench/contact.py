@@ -27,7 +27,7 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 
-CONFIDENCE = 0.95
+CONFIDENCE = 0.95  # that the false rate is not larger than asked for
 TAIL = 0.10  # share of the samples that counts as tail
 LEAST_TAIL = 8  # independent samples in it
 LEAST_ON_N = 0.02  # M: twice the most that lamps 30 % off make of an untouched D=130 T=8 (bench_wrench_rest.py)

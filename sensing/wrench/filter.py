@@ -1,25 +1,27 @@
-"""Wrenches of single frames to a smooth wrench now: a causal Kalman filter that counts in capture times.
+"""Multiple-model Kalman filter: wrenches of single frames to a smooth wrench at any later time, by capture times.
 
     tracker = WrenchFilter()
     for wrench in estimates:                      # each stamped with the middle of its frame's exposure
         tracker.update(wrench)
-        print(tracker.now(time.monotonic()))      # lag removed where that can be known: for now, not for the frame
+        print(tracker.now(time.monotonic()))      # predicted from the frame's time to the present
 
-Ten motions are followed at once, from one that stands to one that jumps; each axis weights those by how well they
-predicted its last measurements (mode probabilities). Measurement noise is the estimate's own covariance where it has
-one (its diagonal: axes are filtered apart); of it only ``scatter`` is new in every picture, whatever the load, and that
-is all that the steady motions average over. The rest repeats for a state, so they do not take it from the covariance.
-Time steps are those between capture times, so 30 or 120 Hz and dropped frames need no setting. N and N m, seconds.
+Ten motion models run in parallel, from a constant force to one that jumps; each axis weights them by how well they
+predicted its last measurements (mode probabilities). The measurement variances are the diagonal of the estimate's
+covariance where it has one, as axes are filtered separately. Only the part ``scatter`` of a measurement's error is
+independent from picture to picture, whatever the load; the rest repeats while the load stays. Steady motions therefore
+average over ``scatter`` alone, and the variance of the rest is added to their result. Time steps are those between
+capture times, so the frame rate and dropped frames need no setting. N and N m, seconds.
 
 Notes:
     A motion has a value and a rate, F = [[1, dt], [0, 1]], and white noise on both, Q = q [[dt^3 / 3, dt^2 / 2],
-    [dt^2 / 2, dt]] + [[w dt, 0], [0, 0]] (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2); update in Joseph's form, which
-    stays positive definite; what surprises all motions widens them first, so that an impact is followed at once, and
-    a steady motion that has lost the force starts again from the measurement. They
-    are mixed as autonomous multiple models (ibid., sec. 11.6.2) whose past fades. Of the lag behind a ramp well over
-    the noise 0.3 % is left, of that behind a sine of frequency w an order (w lag)^2; a force that turns too fast to be
-    predicted is held by the motions without a rate. ``at`` gives the mean of that mixture, ``now`` weights its rate by
-    what came of it lately (:mod:`sensing.wrench.trend`). The arithmetic is in :mod:`sensing.wrench.filter_kernels`.
+    [dt^2 / 2, dt]] + [[w dt, 0], [0, 0]] (Bar-Shalom, Li, Kirubarajan 2001, sec. 6.2.2). The update is in Joseph's
+    form, which stays positive definite. An innovation too large for all motions increases their covariances first, so
+    that an impact is followed at once; a steady motion whose own innovation is too large starts again from the
+    measurement. The motions are mixed as autonomous multiple models (ibid., sec. 11.6.2) with fading mode
+    probabilities. Prediction leaves 0.3 % of the lag behind a ramp well over the noise, and of the lag behind a sine of
+    frequency w a part of the order (w lag)^2; a force that reverses too fast to be predicted is held by the motions
+    without a rate. ``at`` gives the mean of the mixture; ``now`` multiplies its rate by the factors of
+    :mod:`sensing.wrench.trend`. The arithmetic is in :mod:`sensing.wrench.filter_kernels`.
 """
 
 from __future__ import annotations
@@ -37,22 +39,22 @@ from sensing.wrench.quantiles import chi_square_quantile
 from sensing.wrench.trend import Trend, row_for
 
 Array = NDArray[np.float64]
-MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # innovation beyond this: the motion changed faster than the model
-LOST_NIS = chi_square_quantile(1 - 1e-5, 1)  # innovation of an axis beyond this: a steady motion has lost the force
-TINY = 1e-12
-LEAST_PROBABILITY = 1e-3  # what a motion keeps, so that it can come back within some frames
-ARM_M = 0.07  # E: about R, by which torques about the sphere's centre go with forces on the dome
+MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # normalised innovation squared beyond which all motions are widened
+LOST_NIS = chi_square_quantile(1 - 1e-5, 1)  # the same of one axis, beyond which a steady motion starts again
+TINY = 1e-12  # least variance taken as one, N^2 or (N m)^2
+LEAST_PROBABILITY = 1e-3  # least mode probability, so that a motion can return within some frames
+ARM_M = 0.07  # E: lever arm, about R, between torques about the sphere's centre and forces on the dome
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How a force may move; a torque moves likewise, as that of a force with an arm of ``ARM_M``.
+    """Motion model of a force; that of a torque is the same for a force with a lever arm of ``ARM_M``.
 
     Attributes:
         walk: noise density of the value, N^2/s.
-        acceleration: of the rate, N^2/s^3.
-        start_rate: standard deviation of the first rate, N/s; 0, without acceleration: no rate at all.
-        steady: so slow that a measurement's error repeats, but for :attr:`FilterConfig.scatter`.
+        acceleration: noise density of the rate, N^2/s^3.
+        start_rate: standard deviation of the first rate, N/s; with 0, and no acceleration, the model has no rate.
+        steady: so slow that the measurement error repeats, but for :attr:`FilterConfig.scatter`.
     """
 
     walk: float = 0.0
@@ -71,16 +73,16 @@ STANDARD = (
 
 @dataclass(frozen=True)
 class FilterConfig:
-    """Knobs of the filter.
+    """Parameters of the filter.
 
     Attributes:
-        motions: those that are followed.
-        memory: part of the logarithm of an axis's mode probability that lasts from one measurement to the next, (0, 1].
+        motions: the motion models.
+        memory: factor on the logarithm of the mode probabilities from one measurement to the next, (0, 1].
         noise: (6,) standard deviation of a measurement where the estimate has none, N and N m.
-        scatter: (6,) standard deviation of its part that is new in every picture, N and N m (M: rendered frames of an
-            endcap at rest and held at 13 to 52 N; it does not grow with the load, as the whole error does).
+        scatter: (6,) standard deviation of its part that is independent from picture to picture, N and N m (M: rendered
+            frames of an endcap at rest and held at 13 to 52 N; unlike the whole error, it does not grow with the load).
         ahead_s: longest prediction with a moving value; beyond it the value stays and "stale" is flagged.
-        gap_s: after a longer silence the filter starts anew.
+        gap_s: after a longer gap between estimates the filter restarts.
 
     Raises:
         ParameterError: a number out of its range, or no motion.
@@ -106,7 +108,7 @@ class FilterConfig:
         _require(good, "motions", self.motions, "one or more, with finite numbers of at least 0")
 
     def scaled(self, load_scale: float) -> FilterConfig:
-        """The same for an endcap whose forces are so many times as large (:mod:`sensing.wrench.load_scale`)."""
+        """The parameters for forces ``load_scale`` times as large (:mod:`sensing.wrench.load_scale`)."""
         motions = tuple(
             replace(m, walk=m.walk * load_scale**2, acceleration=m.acceleration * load_scale**2,
                     start_rate=m.start_rate * load_scale) for m in self.motions
@@ -115,7 +117,7 @@ class FilterConfig:
 
 
 class WrenchFilter:
-    """Estimates in, in the order of capture; the wrench at any later time out.
+    """Filter of one endcap: takes estimates in the order of capture, gives the wrench at any later time.
 
     Attributes:
         nis: normalised innovation squared of the last update (chi-square of 6 when the model holds), NaN before.
@@ -133,8 +135,8 @@ class WrenchFilter:
         self._last: Wrench | None = None
         self._weight = np.full((len(motions), 6), 1 / len(motions))
         steady = np.array([motion.steady for motion in motions])
-        self._fresh = np.where(steady[:, None], np.array(self.config.scatter) ** 2, np.inf)
-        self._limit = np.where(steady, LOST_NIS, np.inf)
+        self._new_variance = np.where(steady[:, None], np.array(self.config.scatter) ** 2, np.inf)
+        self._nis_limit = np.where(steady, LOST_NIS, np.inf)
         self._common = np.zeros((len(motions), 6))  # variances that repeat from frame to frame
         self._state = np.zeros((len(motions), 2, 6))  # values, rates
         self._covariance = np.zeros((len(motions), 3, 6))  # of value, of value with rate, of rate
@@ -143,8 +145,8 @@ class WrenchFilter:
     def update(self, wrench: Wrench) -> Wrench:
         """Take one estimate; returns the filtered wrench at its capture time.
 
-        An estimate that is not finite or flagged "missing" is passed over (the answer is predicted and so flagged); one
-        that is not newer than the last changes nothing (flagged "late").
+        An estimate that is not finite or flagged "missing" is not used: the result is predicted and flagged "missing".
+        One that is not newer than the last is not used, either: the result is flagged "late".
 
         Raises:
             ParameterError: an estimate in another frame than those before, or without a finite time.
@@ -175,7 +177,7 @@ class WrenchFilter:
         self._weight = mode_probabilities(
             self._weight, self._state, self._covariance, measured, noise, self.config.memory, LEAST_PROBABILITY
         )
-        correct(self._state, self._covariance, measured, noise, MANEUVER_NIS, self._rates, self._limit)
+        correct(self._state, self._covariance, measured, noise, MANEUVER_NIS, self._rates, self._nis_limit)
         self._common = variance - noise
         self._last = wrench
         value = (self._weight * self._state[:, 0]).sum(axis=0)
@@ -202,10 +204,10 @@ class WrenchFilter:
         return self._predicted(time_s, self._last.flags)
 
     def now(self, time_s: float) -> Wrench:
-        """The wrench at a time at or after the last estimate, its rate weighted by what it was worth lately.
+        """The wrench at a time at or after the last estimate, predicted with the rate times its recent factors.
 
-        On a steady motion this is :meth:`at`; where the force turns faster than the delay, or only noise moves it, the
-        last value is held. What is left out of the rate widens the covariance.
+        On a steady motion this is :meth:`at`; where the force reverses within the delay, or only noise moves it, the
+        last value is held. The part of the change that is left out is added to the covariance.
 
         Raises:
             ParameterError: as :meth:`at`.
@@ -221,11 +223,11 @@ class WrenchFilter:
 
     @property
     def trend(self) -> Array:
-        """(H, 6) change a second that :meth:`now` counts on, for each of :data:`sensing.wrench.trend.HORIZONS_S`."""
+        """(H, 6) rate, N/s and N m/s, that :meth:`now` uses, for each of :data:`sensing.wrench.trend.HORIZONS_S`."""
         return np.asarray(self._trend.factors * self._rate())
 
     def _rate(self) -> Array:
-        """(6,) of all motions together."""
+        """(6,) mean rate of the mixture, N/s and N m/s."""
         return np.asarray((self._weight * self._state[:, 1]).sum(axis=0))
 
     def _start(self, wrench: Wrench, measured: Array, variance: Array) -> Wrench:
@@ -242,8 +244,8 @@ class WrenchFilter:
         return predict(self._state, self._covariance, step, self._walk, self._density)
 
     def _noise_of(self, variance: Array) -> Array:
-        """(M, 6) variance that each motion averages over."""
-        return np.minimum(self._fresh, variance)
+        """(M, 6) measurement variance that each motion assumes."""
+        return np.minimum(self._new_variance, variance)
 
     def _variance(self, covariance: Array) -> Array:
         reported = covariance.diagonal()
@@ -272,7 +274,7 @@ def _wrench(time_s: float, reported: tuple[Array, Array], frame: str, flags: fro
 
 
 def _flagged(wrench: Wrench) -> Wrench:
-    """Before the first usable estimate nothing is known: zero, without a covariance, and said so."""
+    """The result before the first usable estimate: zero, without a covariance, flagged "missing"."""
     return Wrench(wrench.time_s, np.zeros(3), np.zeros(3), wrench.frame, flags=wrench.flags | {"missing"})
 
 

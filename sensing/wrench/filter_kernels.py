@@ -16,38 +16,41 @@ _KERNEL = SHORT | {"fastmath": EXACT}
 
 @numba.njit(**_KERNEL)
 def predict(state, covariance, step, walk, density):
-    """States and covariances of M motions after a ``step``.
+    """Predict step of M motions, each axis apart: x' = F x, P' = F P F' + Q (Bar-Shalom, Li, Kirubarajan 2001, 5.2).
 
     Args:
-        state: (M, 2, 6) values and rates.
-        covariance: (M, 3, 6) of values, with rates, of rates.
-        step: s.
+        state: (M, 2, 6) values, N, and rates, N/s (torques: N m for N).
+        covariance: (M, 3, 6) of the value, of value with rate, of the rate.
+        step: time, s.
         walk: (M, 6) noise density of the value, N^2/s.
-        density: (M, 6) of the rate, N^2/s^3 (torques: N m for N).
+        density: (M, 6) noise density of the rate, N^2/s^3.
+
+    Returns:
+        Predicted states (M, 2, 6) and covariances (M, 3, 6).
     """
-    value, spread = state.copy(), covariance.copy()
+    value, predicted = state.copy(), covariance.copy()
     for m in range(len(state)):
         for k in range(6):
             vv, vr, rr, q = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], density[m, k]
             value[m, 0, k] += step * state[m, 1, k]
-            spread[m, 0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3 + walk[m, k] * step
-            spread[m, 1, k] = vr + step * rr + q * step**2 / 2
-            spread[m, 2, k] = rr + q * step
-    return value, spread
+            predicted[m, 0, k] = vv + step * (2 * vr + step * rr) + q * step**3 / 3 + walk[m, k] * step
+            predicted[m, 1, k] = vr + step * rr + q * step**2 / 2
+            predicted[m, 2, k] = rr + q * step
+    return value, predicted
 
 
 @numba.njit(**_KERNEL)
 def mode_probabilities(weight, state, covariance, measured, noise, memory, least):
-    """Weights (M, 6) after a measurement, before it is taken in: Bayes' rule with a fading past, none at zero.
+    """(M, 6) mode probabilities after a measurement: Bayes' rule with a fading prior, none at zero.
 
     Args:
-        weight: (M, 6) before.
-        state: (M, 2, 6).
-        covariance: (M, 3, 6).
-        measured: (6,).
-        noise: (M, 6) variances that a motion counts on.
-        memory: part of the logarithm of a weight that lasts.
-        least: least weight, before they are scaled to sum 1.
+        weight: (M, 6) mode probabilities before.
+        state: (M, 2, 6) predicted values and rates.
+        covariance: (M, 3, 6) of them, as in :func:`predict`.
+        measured: (6,) wrench, N and N m.
+        noise: (M, 6) measurement variances that each motion assumes.
+        memory: factor on the logarithm of the prior, (0, 1].
+        least: least probability, before they are scaled to sum 1.
     """
     count, probability = len(weight), np.empty(weight.shape)
     for k in range(6):
@@ -71,20 +74,21 @@ def mode_probabilities(weight, state, covariance, measured, noise, memory, least
 
 
 @numba.njit(**_KERNEL)
-def correct(state, covariance, measured, noise, surprise, rates, limit):
-    """Takes a measurement into ``state`` and ``covariance`` of every motion.
+def correct(state, covariance, measured, noise, nis_limit, rates, axis_limit):
+    """Update step of every motion in Joseph's form; changes ``state`` and ``covariance``.
 
-    Where its normalised square is beyond ``surprise`` for all of them, values are widened by the innovation and rates
-    by ``rates`` first; where that of an axis is beyond a motion's own ``limit``, this value of this motion is.
+    Where the normalised innovation squared exceeds ``nis_limit`` for all motions, the variances of values are first
+    increased by the squared innovation and those of rates by ``rates``. Where only that of one axis exceeds a motion's
+    ``axis_limit``, the variance of this value of this motion is increased.
 
     Args:
-        state: (M, 2, 6).
-        covariance: (M, 3, 6).
-        measured: (6,).
-        noise: (M, 6) variances that a motion counts on.
-        surprise: limit of the normalised square.
-        rates: (M, 6) variances that the rates are widened by.
-        limit: (M,) limits of the normalised square of one axis.
+        state: (M, 2, 6) predicted values and rates.
+        covariance: (M, 3, 6) of them, as in :func:`predict`.
+        measured: (6,) wrench, N and N m.
+        noise: (M, 6) measurement variances that each motion assumes.
+        nis_limit: limit of the normalised innovation squared over six axes.
+        rates: (M, 6) variances added to those of the rates.
+        axis_limit: (M,) limits of the normalised innovation squared of one axis.
     """
     least = math.inf
     for m in range(len(state)):
@@ -95,10 +99,10 @@ def correct(state, covariance, measured, noise, surprise, rates, limit):
     for m in range(len(state)):
         for k in range(6):
             innovation = measured[k] - state[m, 0, k]
-            if least > surprise:
+            if least > nis_limit:
                 covariance[m, 0, k] += innovation**2
                 covariance[m, 2, k] += rates[m, k]
-            elif innovation**2 > limit[m] * (covariance[m, 0, k] + noise[m, k]):
+            elif innovation**2 > axis_limit[m] * (covariance[m, 0, k] + noise[m, k]):
                 covariance[m, 0, k] += innovation**2
             vv, vr, rr, own = covariance[m, 0, k], covariance[m, 1, k], covariance[m, 2, k], noise[m, k]
             keep, g, h = own / (vv + own), vv / (vv + own), vr / (vv + own)
@@ -111,13 +115,13 @@ def correct(state, covariance, measured, noise, surprise, rates, limit):
 
 @numba.njit(**_KERNEL)
 def mixture(weight, state, covariance, common):
-    """Value (6,) and variance (6,) of all motions together, how far they are apart included.
+    """Mean (6,) and variance (6,) of the mixture of all motions, the spread of their means included.
 
     Args:
-        weight: (M, 6).
-        state: (M, 2, 6).
-        covariance: (M, 3, 6).
-        common: (M, 6) variances of values beside those of ``covariance``, such as what repeats from frame to frame.
+        weight: (M, 6) mode probabilities.
+        state: (M, 2, 6) values and rates.
+        covariance: (M, 3, 6) of them, as in :func:`predict`.
+        common: (M, 6) further variances of the values, such as that of errors which repeat from frame to frame.
     """
     value, variance = np.zeros(6), np.zeros(6)
     for m in range(len(weight)):
@@ -131,12 +135,12 @@ def mixture(weight, state, covariance, common):
 
 
 @numba.njit(**_KERNEL)
-def came_true(past_s, past, first, following, time_s, measured, variance, horizons_s, sums, law):
-    """What of the changes predicted a delay ago has come, for every delay.
+def rate_factors(past_s, past, first, following, time_s, measured, variance, horizons_s, sums, law):
+    """Regression factors of measured on predicted changes, for every delay (see :mod:`sensing.wrench.trend`).
 
     Args:
-        past_s: (R,) times of predictions, number n at place n % R.
-        past: (R, 2, 6) values and rates predicted from.
+        past_s: (R,) times of earlier estimates, a ring buffer: number n at place n % R.
+        past: (R, 2, 6) values and rates of these estimates.
         first, following: numbers of the oldest prediction and of the one after the newest.
         time_s, measured, variance: of the measurement, (6,) each.
         horizons_s: (H,) delays, rising.
@@ -164,6 +168,6 @@ def came_true(past_s, past, first, following, time_s, measured, variance, horizo
                     sums[0, h, part] += x * y / variance[k]
                     sums[1, h, part] += x * x / variance[k]
             xy, xx = sums[0, h, part], sums[1, h, part]
-            careful = (xy - caution * math.sqrt(noise * xx)) / (xx + least)
-            factors[h, 3 * part : 3 * part + 3] = min(max(careful, 0.0), 1.0)
+            lowered = (xy - caution * math.sqrt(noise * xx)) / (xx + least)
+            factors[h, 3 * part : 3 * part + 3] = min(max(lowered, 0.0), 1.0)
     return factors, first

@@ -1,8 +1,8 @@
 """Compiled loops of :mod:`sensing.wrench.model` and :mod:`sensing.wrench.range` for one field at a time.
 
-A field's wrench is a hundred small steps: in numpy their calls cost five times what they compute. N, N m, px.
-The network's authority is :mod:`sensing.learning.net`, which is trained; tests/sensing/wrench/test_onnx.py holds what
-is written here, and the ONNX graph, to it on random weights.
+A field's wrench takes a hundred small steps: in numpy their calls cost five times the arithmetic. N, N m, px.
+The reference implementation is :mod:`sensing.learning.net`, which is trained; tests/sensing/wrench/test_onnx.py
+compares these loops, and the ONNX graph, with it on random weights.
 """
 
 # mypy: ignore-errors
@@ -20,47 +20,47 @@ _KERNEL, _HELPER = SHORT | {"fastmath": EXACT}, HELPER | {"fastmath": EXACT}
 
 
 @numba.njit(**_KERNEL)
-def answer_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
-    """Answer of the network of :mod:`sensing.learning.net` for one field, and how unlike those of training it is.
+def estimate_one(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
+    """Wrench by the network of :mod:`sensing.learning.net` from one field, and its distance from the training data.
 
     Args:
-        x: (D,) float64, finite.
-        cells: (D,) float32, 1 for cells that count.
+        x: (D,) float64, finite; the field, px.
+        cells: (D,) float32, 1 for cells that count for the distance, 0 for others.
         linear: (6, D) float32.
         principal: (K, D) float32.
         pattern: (K, D) float64, the field that each principal part stands for.
         gram: (K, K) float64, their inner products.
-        mean: layers of the perceptron that bends the answer: first (M, K) and (M,), those after it (L, M, M) and
-            (L, M), float32, the last (6, M) float64, in N and N m.
-        spread: layers of the other: six.
+        mean: layers of the perceptron that corrects the linear map: first (M, K) and (M,), those after it (L, M, M)
+            and (L, M), float32, the last (6, M) float64, in N and N m.
+        spread: weights and biases of the three layers of the perceptron for the covariance.
         scale: (6,) float64 of the standard deviations.
         tracking: (7,) float64: standard deviations that tracking adds, and force by which half of them is there, N.
         limits: (MIN_SPREAD, MAX_SPREAD, MAX_MIX).
 
     Returns:
-        Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and of what it leaves (px).
+        Wrench (6,), covariance (6, 6), norm of the principal part on the cells that count, and norm of the rest, px.
     """
-    return _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits)
+    return _estimate(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits)
 
 
 @numba.njit(**KERNEL | {"fastmath": EXACT})
-def answer_many(inputs, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
-    """Wrenches (N, 6) and covariances (N, 6, 6) for fields (N, D); the rest as of :func:`answer_one`.
+def estimate_many(inputs, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
+    """Wrenches (N, 6) and covariances (N, 6, 6) of fields (N, D).
 
     Args:
         inputs: (N, D) float64, finite.
-        cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits: see there.
+        cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits: see :func:`estimate_one`.
     """
     value, covariance = np.empty((len(inputs), 6)), np.empty((len(inputs), 6, 6))
     for n in range(len(inputs)):
-        value[n], covariance[n], _, _ = _answer(
+        value[n], covariance[n], _, _ = _estimate(
             inputs[n], cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits
         )
     return value, covariance
 
 
 @numba.njit(**_HELPER)
-def _answer(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
+def _estimate(x, cells, linear, principal, pattern, gram, mean, spread, scale, tracking, limits):
     count = len(principal)
     z, seen, along = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count):
@@ -106,7 +106,7 @@ def _product(line, x):
 
 @numba.njit(**_HELPER)
 def _units(weight, bias, inputs, anchored):
-    """Answers silu(a + b) of a layer's units; ``anchored``: minus silu(b)."""
+    """Activations silu(a + b) of a layer's units; if ``anchored``, minus silu(b), so that a = 0 gives 0."""
     activation = np.empty(len(bias))
     for k in range(len(bias)):
         activation[k] = _silu(_product(weight[k], inputs) + bias[k])
@@ -141,8 +141,10 @@ def _covariance(raw, scale, limits):
 
 @numba.njit(**_HELPER)
 def _range(seen, along, gram, square):
-    """Norm of the principal part, and of what its patterns leave of a field that has that sum of squares, and these
-    products ``along`` the patterns."""
+    """Norm of the principal part, and norm of the rest of the field.
+
+    ``square`` is the field's sum of squares, ``along`` holds its inner products with the patterns.
+    """
     explained = 0.0
     for k in range(len(seen)):
         explained += seen[k] * (2.0 * along[k] - _product(gram[k], seen))
@@ -151,7 +153,7 @@ def _range(seen, along, gram, square):
 
 @numba.njit(**_KERNEL)
 def input_of(channels, valid, cells):
-    """What the network reads of a field.
+    """Input of the network from a field.
 
     Args:
         channels: (2, H, W) float32 shear, px.
@@ -159,8 +161,8 @@ def input_of(channels, valid, cells):
         cells: (H, W) bool, those that count.
 
     Returns:
-        (2 H W,) float64 with zero for what is not finite, its largest size, the number of valid cells, and of those
-        among them that count.
+        (2 H W,) float64 with zero for what is not finite, its largest absolute value, the number of valid cells, and
+        the number of valid cells that count.
     """
     flat, x, largest = channels.ravel(), np.empty(channels.size), 0.0
     for d in range(x.size):
@@ -175,7 +177,7 @@ def input_of(channels, valid, cells):
 
 @numba.njit(**_KERNEL)
 def contact_angles(wrenches, radius_mm, least_n):
-    """Answer of :func:`sensing.wrench.range.contact_angle_deg`.
+    """Compiled loop of :func:`sensing.wrench.range.contact_angle_deg`.
 
     Args:
         wrenches: (N, 6) contiguous float64, N and N m.
@@ -190,7 +192,7 @@ def contact_angles(wrenches, radius_mm, least_n):
 
 @numba.njit(**_KERNEL)
 def beyond(wrenches, covariances, radius_mm, least_n, limits):
-    """Answer of :meth:`sensing.wrench.range.Range.is_beyond`.
+    """Compiled loop of :meth:`sensing.wrench.range.Range.is_beyond`.
 
     Args:
         wrenches: (N, 6) contiguous float64, N and N m.
@@ -203,11 +205,11 @@ def beyond(wrenches, covariances, radius_mm, least_n, limits):
     result = np.empty(len(wrenches), np.bool_)
     for n in range(len(wrenches)):
         w = wrenches[n]
-        strange = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2) > force_n
-        strange = strange or _contact_angle(w, radius_mm, least_n) > tilt_deg
+        outside = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2) > force_n
+        outside = outside or _contact_angle(w, radius_mm, least_n) > tilt_deg
         for k in range(3):
-            strange = strange or not math.sqrt(covariances[n, k, k]) <= spread_n
-        result[n] = strange
+            outside = outside or not math.sqrt(covariances[n, k, k]) <= spread_n
+        result[n] = outside
     return result
 
 

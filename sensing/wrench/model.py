@@ -28,19 +28,19 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.records import ShearField, Wrench
-from sensing.wrench.kernels import answer_many, answer_one, input_of
+from sensing.wrench.kernels import estimate_many, estimate_one, input_of
 from sensing.wrench.load_scale import load_scale, recorded_shear_mpa
 from sensing.wrench.range import Range, range_measures
 from sensing.wrench.tensors import OPTIONAL, SHAPES, onset_n_of, pattern_of, radial_of, tracking_of
 from sensing.wrench.weight_files import FORMAT, command_for, find_weights, read_weights
 
 Array = NDArray[np.float64]
-LEAST_VALID = 0.5  # share of the cells valid in training that must be valid
+LEAST_VALID = 0.5  # share of the cells that count (valid in training) under which dots_lost is flagged
 TWICE_N = 20.0  # E: force at which an error may be twice that of a light touch (goals: 0.1 N to 35 N, 1 % beyond)
 LARGEST_PX = 1e6  # a field beyond it is no measurement
-SLOPE_SAMPLES = 64
+SLOPE_SAMPLES = 64  # E: random fields over which the derivative is averaged
 MIN_SPREAD, MAX_SPREAD = 0.02, 100.0  # of an axis, in its unit: keeps the covariance definite and finite
-MAX_MIX = 3.0  # of an axis' error that goes with another's: keeps it definite in floating point, too
+MAX_MIX = 3.0  # entries of the unit lower triangle: keeps the covariance definite in floating point, too
 LAYERS = ("first", "second", "third")
 
 
@@ -50,10 +50,10 @@ class WrenchModel:
 
     Attributes:
         weights: tensors by name (:mod:`sensing.wrench.tensors`), float32.
-        design: the endcap it is for.
+        design: the endcap that it was trained for.
         method: field method that it was trained with.
         shape: (H, W) of the field.
-        range: what training covered.
+        range: limits of the training data.
         about: provenance and metrics (plain JSON).
         identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
 
@@ -111,54 +111,54 @@ class WrenchModel:
         if not valid or not largest < LARGEST_PX:
             flags = frozenset({"missing", "out_of_range" if valid else "dots_lost"})
             return Wrench(field.time_s, np.zeros(3), np.zeros(3), "sphere", flags=flags)
-        value, covariance, distance, rest = answer_one(x, *self._packed)
+        value, covariance, distance, rest = estimate_one(x, *self._packed)
         beyond = distance > self.range.distance or self.range.leaves_too_much(rest, math.hypot(*value[:3]))
         beyond = beyond or self._is_beyond(value[None], covariance[None])[0]
         flags = frozenset({"out_of_range"} if beyond else ())
-        if counting < LEAST_VALID * self._counting:
+        if counting < LEAST_VALID * self._counted_cells:
             flags |= {"dots_lost"}
         return Wrench(field.time_s, value[:3], value[3:], "sphere", covariance, flags)
 
     def predict(self, inputs: Array) -> tuple[Array, Array]:
         """(N, 6) wrenches and (N, 6, 6) covariances from (N, 2 H W)."""
-        return answer_many(np.array(inputs, dtype=np.float64, order="C", ndmin=2), *self._packed)
+        return estimate_many(np.array(inputs, dtype=np.float64, order="C", ndmin=2), *self._packed)
 
     def out_of_range(self, inputs: Array) -> NDArray[np.bool_]:
-        """(N,) True where a field, or the contact that it means, is unlike those of training."""
+        """(N,) True where a field (N, 2 H W), or the contact estimated from it, is outside the training data."""
         seen = inputs * np.tile(self.range.cells.ravel(), 2)
-        distance, rest = range_measures(self._doubles["principal"], self._back, seen)
+        distance, rest = range_measures(self._doubles["principal"], self._patterns, seen)
         value, covariance = self.predict(inputs)
-        strange = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
-        return (distance > self.range.distance) | strange | self._is_beyond(value, covariance)
+        outside = self.range.leaves_too_much(rest, np.linalg.norm(value[:, :3], axis=1))
+        return (distance > self.range.distance) | outside | self._is_beyond(value, covariance)
 
     def _is_beyond(self, value: Array, covariance: Array) -> NDArray[np.bool_]:
         return self.range.is_beyond(value, covariance, self.design.outer_radius_mm, self.load_scale)
 
     @property
     def shear_mpa(self) -> float:
-        """Shear modulus of the silicone that it learned on; that of the default one where it does not say it."""
+        """Shear modulus of the silicone of the training data, MPa; that of the default silicone where it is unknown."""
         return recorded_shear_mpa(self.identity)
 
     @cached_property
     def load_scale(self) -> float:
-        """How large its endcap's forces are (:mod:`sensing.wrench.load_scale`)."""
+        """Scale of the endcap's forces relative to the released one (:mod:`sensing.wrench.load_scale`)."""
         return load_scale(self.design.wall_mm, self.shear_mpa)
 
     @cached_property
-    def _counting(self) -> int:
+    def _counted_cells(self) -> int:
         """Number of the cells that count."""
         return int(np.count_nonzero(self.range.cells))
 
     @cached_property
     def radial(self) -> Array | None:
         """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm by px of the 200 x 200 crop,
-        outward positive (:mod:`sensing.learning.radial`); None of weights that do not say it.
+        outward positive (:mod:`sensing.learning.radial`); None for weights without it.
         """
         return radial_of(self.weights)
 
     @cached_property
     def slope(self) -> Array:
-        """(6, 2 H W) derivative of the wrench by the field, averaged over fields like those of training."""
+        """(6, 2 H W) derivative of the wrench by the field, N/px and N m/px, averaged over fields as in training."""
         w, rng, components = self._doubles, np.random.default_rng(0), len(self.weights["principal"])
         total = np.zeros((6, components))
         for z in rng.standard_normal((SLOPE_SAMPLES, components)):
@@ -202,8 +202,8 @@ class WrenchModel:
 
     @cached_property
     def _packed(self) -> tuple[Any, ...]:
-        """What :func:`sensing.wrench.kernels.answer_one` takes after the field."""
-        w, back = {name: np.array(value, order="C") for name, value in self.weights.items()}, self._back
+        """Arguments of :func:`sensing.wrench.kernels.estimate_one` after the field."""
+        w, back = {name: np.array(value, order="C") for name, value in self.weights.items()}, self._patterns
         last = self._doubles["mean.last.weight"] * self._doubles["units"][:, None]
         deeper = [np.array([w[f"mean.{layer}.{part}"] for layer in self.layers[1:]]) for part in ("weight", "bias")]
         spread = [f"spread.{layer}.{part}" for layer in (0, 2, 4) for part in ("weight", "bias")]
@@ -216,7 +216,7 @@ class WrenchModel:
         )  # fmt: skip
 
     @cached_property
-    def _back(self) -> Array:
+    def _patterns(self) -> Array:
         return pattern_of(self.weights)
 
 
@@ -256,7 +256,7 @@ def load_wrench_model(
 
 
 def tolerance(force: Any) -> Any:
-    """(N, 1) how large an error may be under forces (N, 3), relative to a light touch; numpy or torch."""
+    """(N, 1) weight of errors under forces (N, 3), N: the error accepted relative to a light touch; numpy or torch."""
     return 1 + (force**2).sum(1)[:, None] ** 0.5 / TWICE_N
 
 

@@ -32,9 +32,9 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 
 Array = NDArray[np.float64]
-MOST_TERMS = 4
+MOST_TERMS = 4  # of the Prony series
 MOST_STRENGTH = 1.0  # of a term: the silicone would be twice as stiff at once as in the long term
-TAU_S = (1e-3, 1e4)
+TAU_S = (1e-3, 1e4)  # accepted relaxation times, s
 
 
 @dataclass(frozen=True)

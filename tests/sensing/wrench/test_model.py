@@ -16,7 +16,7 @@ pytest.importorskip("safetensors")
 
 from sensing.learning.fit_config import FitConfig  # noqa: E402
 from sensing.learning.fitting import fit  # noqa: E402
-from sensing.wrench.kernels import answer_one  # noqa: E402
+from sensing.wrench.kernels import estimate_one  # noqa: E402
 from sensing.wrench.model import load_wrench_model  # noqa: E402
 from sensing.wrench.range import contact_angle_deg, range_measures  # noqa: E402
 from sensing.wrench.weight_files import SHIPPED  # noqa: E402
@@ -86,13 +86,13 @@ def test_cells_that_do_not_count_do_not_stand_in_for_lost_dots(model, data):
 def test_one_field_alone_gives_what_it_gives_among_others(model, data):
     value, covariance = model.predict(data.inputs)
     distance, rest = range_measures(
-        model._doubles["principal"], model._back, data.inputs * np.tile(model.range.cells.ravel(), 2)
+        model._doubles["principal"], model._patterns, data.inputs * np.tile(model.range.cells.ravel(), 2)
     )
     for k in range(0, len(data), 17):
         wrench = model.estimate(ShearField(0.0, data.fields[k]))
         assert np.allclose(np.concatenate([wrench.force_n, wrench.torque_nm]), value[k], rtol=1e-9, atol=1e-9)
         assert np.allclose(wrench.covariance, covariance[k], rtol=1e-9)
-        reported = answer_one(data.inputs[k].astype(float), *model._packed)
+        reported = estimate_one(data.inputs[k].astype(float), *model._packed)
         assert reported[2:] == pytest.approx((distance[k], rest[k]), rel=1e-6)
 
 
@@ -206,17 +206,17 @@ def test_more_principal_fields_start_from_the_same_answers(model):
     assert len(grown.weights["principal"]) == 20
     assert np.allclose(grown.predict(other.inputs)[0], same.predict(other.inputs)[0], atol=1e-4)
     left = [
-        range_measures(m.weights["principal"].astype(float), m._back, other.inputs)[1].mean() for m in (same, grown)
+        range_measures(m.weights["principal"].astype(float), m._patterns, other.inputs)[1].mean() for m in (same, grown)
     ]
     assert left[1] < 0.9 * left[0] and grown.range.rest_px < same.range.rest_px
     assert set(model.about["training"]["paths"]) < set(grown.about["training"]["paths"])
 
 
 def test_what_a_field_may_leave_grows_with_the_load(model, data):
-    """A strange addition that would pass under the heaviest load is flagged under a light one."""
+    """A outside addition that would pass under the heaviest load is flagged under a light one."""
     assert model.range.rest_px_per_n > 0
     odd = np.random.default_rng(1).normal(size=72)
-    odd -= model._back @ (model.weights["principal"].astype(float) @ odd)
+    odd -= model._patterns @ (model.weights["principal"].astype(float) @ odd)
     odd *= 2 * model.range.rest_px / np.linalg.norm(odd)
     force = np.linalg.norm(data.wrenches[:, :3], axis=1)
     light, heavy = data.inputs[np.abs(force - 2).argmin()], data.inputs[force.argmax()]
@@ -252,12 +252,12 @@ def test_an_answer_with_a_wide_interval_is_none(data):
     covariance = model.predict(data.inputs)[1]
     widest = 1.959964 * np.sqrt(np.einsum("nkk->nk", covariance)[:, :3].max(axis=1))
     place = np.argsort(widest)[len(widest) // 2]
-    for limit, strange in ((1.01, False), (0.99, True)):
+    for limit, outside in ((1.01, False), (0.99, True)):
         asked = replace(model, range=replace(model.range, interval_n=limit * widest[place]))
-        assert bool(asked.out_of_range(data.inputs[place][None])[0]) is strange
+        assert bool(asked.out_of_range(data.inputs[place][None])[0]) is outside
         channels = data.inputs[place].reshape(2, *model.shape)
         field = ShearField(0.0, channels, valid=np.ones(model.shape, dtype=bool))
-        assert ("out_of_range" in asked.estimate(field).flags) is strange
+        assert ("out_of_range" in asked.estimate(field).flags) is outside
     covariance[7, 4, 4], covariance[8, 2, 2] = np.inf, np.nan  # a torque, and a force that is no number
     still = np.zeros((len(covariance), 6))
     assert model.range.is_beyond(still, covariance, 65.0).nonzero()[0].tolist() == [8]

@@ -1,4 +1,4 @@
-"""Types of command-line options: what they refuse, argparse prints as they say it."""
+"""Types of command-line options; argparse prints the reason of a refusal unchanged."""
 
 from __future__ import annotations
 

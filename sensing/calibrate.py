@@ -122,7 +122,7 @@ def _from_dots(options: argparse.Namespace) -> int:
 
 
 def _warn(result: Calibration, image: NDArray[np.uint8], params: EndcapParams, options: argparse.Namespace) -> None:
-    """Say what is doubtful about the picture, a line each: dots of a pressed dome, hidden ones, light, alike turns."""
+    """Warn of each doubt about the picture in one line: pressed dome, hidden dots, light, ambiguous azimuth."""
     doubts = [] if options.dots else [*picture_doubts(image, result.found_px, params, result.mounted).values()]
     if misplaced := _misplaced(result, params):
         doubts.append(f"{misplaced}: is it pressed? take the picture again; with a wrong camera forces are wrong")
@@ -157,7 +157,7 @@ def _misplaced(result: Calibration, params: EndcapParams) -> str:
 
 
 def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], EndcapParams]:
-    """The picture, and its design: a reference knows what it was taken of."""
+    """The picture, and its design where it is a reference, which records it."""
     if not options.zero:
         params = design_of(options)
         return read_image(options.photo), params

@@ -24,7 +24,7 @@ MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file 
 
 
 class FrameError(EndcapError):
-    """A frame that cannot be decoded or is not what a picture should be."""
+    """A frame that cannot be decoded, or not to a picture of the expected kind."""
 
 
 def decode_bgr(frame: Frame) -> Image:
@@ -166,7 +166,7 @@ def jpeg_size(data: bytes) -> tuple[int, int] | None:
 
 
 def sized(frame: Frame) -> Frame:
-    """The frame, with the size that its JPEG states where the source has not said it (plug-ins need not)."""
+    """The frame with its size, read from the JPEG where the source gives none (plug-ins need not)."""
     if frame.size is not None or frame.jpeg is None or frame.fault:
         return frame
     return replace(frame, size=jpeg_size(frame.jpeg))

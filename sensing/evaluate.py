@@ -140,7 +140,7 @@ def _weights_for(data: LabelledSet, weights: Path | None) -> WrenchModel:
 
 
 def _filtered(network: WrenchModel, test: Views, data: LabelledSet) -> dict[str, Score]:
-    """What the filter makes of motion, where there is some; between states at rest no time passes."""
+    """Filtered wrenches of moving contacts; between states at rest no time passes, so that they have none."""
     if not np.isin(test.dots.phase, MOVING).any() or not (data.column("latency_s") != 0).any():
         return {}
     cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))

@@ -39,7 +39,7 @@ from sensing.tracking.zero import MOST_UNSEEN, load_zero
 
 @dataclass(frozen=True)
 class FieldResult:
-    """What one frame gave.
+    """Field and tracks of one frame.
 
     Attributes:
         frame: the frame.
@@ -140,7 +140,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _require_seen(source: Path, results: list[FieldResult]) -> None:
-    """Refuse pictures that show no dot; say how many show too few."""
+    """Refuse pictures that show no dot; warn of those that show too few."""
     if not any(result.field.valid.any() for result in results):
         raise FrameError(
             f"{source}: none of the reference's dots are seen: is it the same sensor, the lamp on, the lens free?"

@@ -53,7 +53,7 @@ MOST_WAITING = 300  # frames that wait for their force; more means that the stre
 
 @dataclass(frozen=True)
 class RecordResult:
-    """What a recording gave: frames written, frames without a force near enough, bad packets, damaged pictures."""
+    """Result of a recording: frames written, frames without a force near enough, bad packets, damaged pictures."""
 
     written: int
     unpaired: int
@@ -107,7 +107,7 @@ def record(
     rest_frames: int = REST_FRAMES,
     most: int | None = None,
 ) -> RecordResult:
-    """Pair and write until the frames end; whatever happens, what was paired is written.
+    """Pair frames with forces and write them until the frames end; after an error, paired frames are still written.
 
     Args:
         frames: of the endcap.
@@ -169,14 +169,14 @@ def _whole(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
 
 
 class _Reader:
-    """Reads a stream between frames; gaps of what was lost while nothing was read are no jumps of its clock."""
+    """Reads a stream between frames; samples lost meanwhile do not count as jumps of its clock."""
 
     def __init__(self, stream: NetFt | CsvFt, synchroniser: Synchroniser) -> None:
         self._stream, self._synchroniser = stream, synchroniser
         self._looks_s = deque([time.monotonic()] * 2, maxlen=2)  # a gap may show at the second look only
 
     def read(self) -> int:
-        """Take what has come; returns how many samples."""
+        """Read all samples that have arrived; returns their number."""
         unread_s, count = time.monotonic() - self._looks_s[0], 0
         for sample in self._stream.arrived():
             self._synchroniser.add(sample, unread_s)

@@ -129,7 +129,7 @@ class LabelledSet:
 
     @property
     def silicone(self) -> str | None:
-        """Row of cad/materials.csv that the endcap is cast of; None in sets that do not say it.
+        """Row of cad/materials.csv that the endcap is cast of; None in sets that do not record it.
 
         Raises:
             FileError: a manifest that does not say the design.
@@ -143,7 +143,7 @@ class LabelledSet:
         return f"{request['protocol']}-{request['seed']}-{number}"
 
     def require_whole(self) -> None:
-        """Refuse a set that somebody is still writing, or that lacks shards which were asked for.
+        """Refuse a set that is still being written, or that lacks shards.
 
         Raises:
             FileError: such a set, or one without any shard.

@@ -1,4 +1,4 @@
-"""The manifest of a set of labelled frames: what was asked for, in how many shards, and of which endcap."""
+"""The manifest of a set of labelled frames: options, number of shards, and the identity of the endcap."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FORMAT = 2
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What a folder's manifest says.
+    """Content of a folder's manifest.
 
     Raises:
         FileError: missing, unreadable or of another format.
@@ -48,7 +48,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
-    """What a manifest says of the endcap; a silicone that it names only among its options counts, too.
+    """Identity of the endcap in a manifest; a silicone that is named only among its options counts, too.
 
     Args:
         folder: for the message.
@@ -72,7 +72,7 @@ def identity_of(folder: Path, manifest: dict[str, Any]) -> Identity:
 
 
 def _design(request: dict[str, Any]) -> EndcapParams:
-    """Of the options of a set; those written before there were other dots say nothing of them."""
+    """Design from the options of a set; sets of older versions, without options for dots, have the released ones."""
     words = request.get("dot_rings", rings_text(RELEASED_RINGS))
     if not isinstance(words, str):
         raise TypeError(f"dot_rings={words!r} is no text"[:100])

@@ -1,4 +1,4 @@
-"""What a design will feel, before anything is printed: ``python -m sensing.study --help``.
+"""Predicts how a design measures before anything is printed: ``python -m sensing.study --help``.
 
 python -m sensing.study 130 8
 python -m sensing.study D=180 T=10 material='Dragon Skin 20'

@@ -196,7 +196,7 @@ def _require_design(options: argparse.Namespace) -> None:
 
 
 def _refuse_design_options(options: argparse.Namespace) -> None:
-    """Refuse options of a design where folders say what the endcap is."""
+    """Refuse options of a design where the folders record it."""
     taken = {
         "--dot-rings": options.dot_rings, "--dot-mm": options.dot_mm, "--copy-to": options.copy_to,
         "--silicone": options.silicone != DEFAULT_SILICONE, "--unless-there": options.unless_there,
@@ -212,7 +212,7 @@ def _refuse_beside(what: str, given: Mapping[str, object], reason: str) -> None:
 
 
 def _copied(weights: Path, folder: Path | None) -> int:
-    """Leave a copy in a folder, where one was asked for; 0."""
+    """Write a copy into a folder, if the options name one; returns 0."""
     if folder is not None:
         try:
             replace_file(folder / weights.name, weights.read_bytes())

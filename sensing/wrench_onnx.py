@@ -99,14 +99,14 @@ class _Draft:
         return name
 
     def constant(self, name: str, value: NDArray[Any]) -> str:
-        """Adds a constant as it is."""
+        """Add a constant without conversion."""
         from onnx import numpy_helper
 
         self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value), name))
         return name
 
     def matrix(self, name: str, weights: NDArray[np.float32]) -> str:
-        """Adds a weight matrix (outputs, inputs), transposed, in the storage asked for."""
+        """Add a weight matrix (outputs, inputs), transposed, in the chosen storage type."""
         if self.storage == "float32":
             return self.constant(name, weights.T.astype(np.float32))
         if self.storage == "float16":

@@ -155,7 +155,7 @@ def calibrate_from_board(views: Sequence[BoardView], size_px: tuple[int, int]) -
 
 
 def _require_spread(views: Sequence[BoardView]) -> None:
-    """Refuse points on one line or place: they say nothing across it."""
+    """Refuse points on one line or place: they do not determine the camera across it."""
     for number, view in enumerate(views, 1):
         for values, place in ((view.board_mm, "on the board"), (view.pixels, "in the picture")):
             across = np.linalg.svd(values - values.mean(0), compute_uv=False)

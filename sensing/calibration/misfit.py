@@ -88,7 +88,7 @@ def camera_misfit(
 
 
 def differences(assumed: MountedCamera, found: Calibration, params: EndcapParams) -> str:
-    """In words, what a found camera has otherwise than the assumed one: the significant quantities, largest first.
+    """One line with the parameters in which two cameras differ significantly, largest difference first.
 
     Args:
         assumed: the camera.
@@ -162,7 +162,7 @@ def f_beyond(statistic: float, upper: int, lower: int) -> float:
 
 
 def _tolerance(camera: MountedCamera) -> Array:
-    """(11, 11) covariance of what may be off: the tolerance, and what a calibration left."""
+    """(11, 11) covariance of accepted differences: the tolerance and the uncertainty of a calibration."""
     lens, rows = camera.camera, camera.camera.height_px / 480
     centre, turn = TOLERANCE_CENTRE_PX * rows, np.radians(TOLERANCE_DEG)
     sigma = [TOLERANCE_FOCAL * lens.fx_px, centre, centre, *TOLERANCE_K, turn, turn, turn, *[TOLERANCE_MM] * 3]

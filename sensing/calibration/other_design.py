@@ -1,4 +1,4 @@
-"""Would another diameter fit the photo as well? The pattern of dots is the same for all, so the photo must say.
+"""Tests whether another diameter fits the photo as well: all diameters have the same pattern of dots.
 
 Angles alone hardly separate a dome of 150 mm from one of 130 with a longer lens. What does: the released lens fits one
 of them better, the dots of 4 mm look smaller on a larger dome, and another number of rings is in view. Each counts by

@@ -59,7 +59,7 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
 
 
 def require_format(path: str | Path) -> None:
-    """Say at once, before long work, whether a picture can be written under this name.
+    """Refuse a name under which no picture can be written, before long work begins.
 
     Raises:
         FileError: a suffix that is no picture's.

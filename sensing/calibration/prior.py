@@ -1,4 +1,4 @@
-"""What is known of lens and mounting before a photo is seen: standard deviations of Gaussian priors (px, mm, degrees).
+"""Gaussian priors of lens and mounting: their standard deviations (px, mm, degrees).
 
 A photo of hand-painted dots, which scatter by half a pixel, determines well where each pixel looks on the dome, and
 badly how focal length, pupil height and distortion share in it. So a calibration that always fitted everything would
@@ -50,7 +50,7 @@ class MountPrior:
         return np.array([*([0.0] * 5 if hold_lens else lens), *pose])
 
     def mean(self, start: MountedCamera, hold_lens: bool) -> Array:
-        """(11,) centre of the prior: the start camera, but for what the prior itself names."""
+        """(11,) mean of the prior: that of the start camera, except for parameters that the prior sets."""
         vector = camera_vector(start)
         if not hold_lens:
             vector[3:5] = camera_module().k[:2]

@@ -1,4 +1,4 @@
-"""The nominal camera for designs, simulation and starts: the module at hand (:mod:`cad.lens`), mounted as designed.
+"""The nominal camera of designs and simulation, and start of calibrations: the lens of :mod:`cad.lens`, as designed.
 
 Released lens (M, at an assumed pupil height of 17 mm, E): the mean of four photos fitted by ``sensing.calibrate`` is
 f = 247 px at 480 rows (244 to 248), k1 = -0.033, k2 = -0.007, close to the equisolid r = 2 sin(theta / 2). Focal length
@@ -15,7 +15,7 @@ from sensing.camera.mount import MountedCamera, mount
 
 
 def nominal_lens(width_px: int = 640, height_px: int = 480) -> FisheyeCamera:
-    """The lens of the module at hand for a frame whose height is the sensor's full height.
+    """Lens of the camera module for a frame whose height is the full height of its image sensor.
 
     Raises:
         ParameterError: a picture that stands upright.

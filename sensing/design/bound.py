@@ -37,7 +37,7 @@ SIZE_PX = np.array([640, 480])
 
 @dataclass(frozen=True)
 class Bound:
-    """What the dots say about a wrench at one tilt and load.
+    """Cramér-Rao bound of a wrench from the dots at one tilt and load.
 
     Attributes:
         tilt_deg, normal_n: where.

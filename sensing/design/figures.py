@@ -1,4 +1,4 @@
-"""What a design will feel, figure by figure, each with its source (N, mm, g; by similarity and closed forms)."""
+"""Figures of a design, each with its source (N, mm, g; by similarity and closed forms)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Figure:
 
 
 def figures(study: Study, prints: Prints | None = None) -> list[Figure]:
-    """The lines of a study: what it will feel, what it weighs, what it takes to make.
+    """The figures of a study: range and errors, mass, and the material and time that it takes.
 
     Args:
         study: the design.
@@ -180,7 +180,7 @@ def _made(study: Study, prints: Prints) -> list[Figure]:
 
 
 def blind_direction(study: Study) -> str:
-    """What the dots show least, in words."""
+    """The direction of the wrench that the dots determine least, in words."""
     worst = max(study.bounds, key=lambda bound: bound.force_n / bound.normal_n)
     direction = worst.weakest()
     axes = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -33,7 +33,7 @@ SOURCES = (
 
 
 def study_page(study: Study, lines: Sequence[Figure]) -> str:
-    """What an endcap will feel.
+    """The page of a study, as HTML.
 
     Args:
         study: the design.
@@ -60,7 +60,7 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
 
 
 def _next(study: Study) -> str:
-    """Commands that make and run this very design, its dots and silicone included."""
+    """Commands that make and run this design, with its dots and silicone."""
     params, other = study.params, study.silicone != DEFAULT_SILICONE
     made = {"D": plain(params.diameter_mm), "T": plain(params.wall_mm), **params.option_words}
     made |= {"material": shlex.quote(study.silicone)} if other else {}

@@ -135,7 +135,7 @@ class Study:
 
     @cached_property
     def bound(self) -> DesignBound:
-        """What the dots allow."""
+        """Cramér-Rao bounds of the design."""
         return DesignBound(self.params, self.geometry, self.shear_mpa)
 
     @cached_property

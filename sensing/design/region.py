@@ -185,7 +185,7 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
 
 
 def require_possible(designs: Sequence[tuple[float, float]], load_n: float, error_n: float) -> None:
-    """Refuse in a second what the map would refuse after minutes: loads and shares of the range need no bound.
+    """Refuse impossible loads and shares at once, which do not need the bounds that the map computes in minutes.
 
     Args:
         designs: (D, T) of each, mm.

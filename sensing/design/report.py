@@ -17,7 +17,7 @@ from sensing.wrench.weight_files import endcap_label
 
 @dataclass(frozen=True)
 class Report:
-    """What a design will feel; ``report["silicone_g"].value``, ``report.write("out")``.
+    """Report on a design; ``report["silicone_g"].value``, ``report.write("out")``.
 
     Attributes:
         study: the design in its silicone.

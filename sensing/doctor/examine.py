@@ -25,7 +25,7 @@ WORST = (Verdict.BAD, Verdict.LOOK, Verdict.GOOD)
 
 @dataclass(frozen=True)
 class Report:
-    """What was found.
+    """Findings on one camera or file.
 
     Attributes:
         source: its name.

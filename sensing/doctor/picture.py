@@ -1,4 +1,4 @@
-"""What is in the picture of an untouched endcap: light, focus, size of the dots, and which of them are missing.
+"""Findings in the picture of an untouched endcap: light, focus, size of the dots, and missing dots.
 
 Limits are estimates (E) set on rendered pictures of the released sensor with planted faults
 (tests/sensing/doctor/test_doctor.py has them); the four released photos pass. Pixels at 480 rows, gray values 0 to 255.

@@ -1,4 +1,4 @@
-"""How the frames come: true rate, jitter, frames that are missing or repeated, and what six such cameras ask of USB."""
+"""Findings in the stream: rate, jitter, missing and repeated frames, and the USB bandwidth of six such cameras."""
 
 from __future__ import annotations
 

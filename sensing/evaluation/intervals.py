@@ -49,7 +49,7 @@ FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
 
 
 def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_deg: float = 90.0) -> WrenchModel:
-    """A model whose covariance is scaled, axis by axis, on what the live pipeline answers.
+    """A model whose covariance is scaled, axis by axis, to the errors of the live pipeline.
 
     Args:
         model: as trained.

@@ -1,4 +1,4 @@
-"""What the live pipeline answers on labelled frames: the object that users run, on the frames that are published.
+"""Results of the live pipeline, the object that users run, on labelled frames.
 
     answers = live_answers(LabelledSet("exports/test"), load_model("default", params), camera=None)
     answers.value - answers.truth

@@ -1,4 +1,4 @@
-"""How far contact centre and normal are off, where a set says which plane pressed; degrees from the sphere's centre."""
+"""Errors of contact centre and normal in sets that record the plane; in degrees about the sphere's centre."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an interrupted training needs to go on: one safetensors file beside the weights, whole or not at all.
+"""State from which an interrupted training continues: one safetensors file beside the weights, whole or not at all.
 
 A checkpoint belongs to one set of samples and settings (its key); of any other it is not read. Times in seconds.
 """
@@ -53,7 +53,7 @@ class Checkpoint:
         self._written = time.monotonic()
 
     def begin(self, stage: str, part: torch.nn.Module, optimizer: torch.optim.Optimizer) -> Descent | None:
-        """Put a stage back to where it was; None where nothing is known of it.
+        """Restore the state of a stage; None where none is stored.
 
         Args:
             stage: its name.

@@ -1,4 +1,4 @@
-"""What a training covered: beyond it an answer is flagged ``out_of_range`` (px, degrees, N of D=130 T=8).
+"""Limits of the training data, beyond which a wrench is flagged ``out_of_range`` (px, degrees, N of D=130 T=8).
 
 A contact unlike those of training (a ball where planes were learned) bends the skin in ways that the principal fields
 do not hold. What they leave grows with the load, so the limit does, too.
@@ -57,7 +57,7 @@ def covered_range(
 
 
 def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
-    """What the principal fields leave of a field: limit without load, and more for each newton of it.
+    """Limits of the rest that the principal fields leave: without load, px, and its increase, px/N.
 
     Args:
         rest_px: (N,) of the samples.

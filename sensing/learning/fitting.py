@@ -207,7 +207,7 @@ def _fit_mean(
     net: WrenchNet, train: list[Tensor], held: list[Tensor], config: FitConfig, progress: Progress | None,
     kept: Checkpoint,
 ) -> Bent:  # fmt: skip
-    """Huber loss in units and tolerances; the best epoch on the validation paths stays. Returns what was trained."""
+    """Train on the Huber loss in units and tolerances; returns the best epoch's mean on the validation paths."""
     bent = Bent(net.mean).to(config.device)
 
     def loss(z: Tensor, rest: Tensor, allowed: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Labelled states to fields without pictures: what a tracker would give on domain-randomised sensors. For training.
+"""Shear fields of labelled states without pictures, as a tracker gives them on domain-randomised sensors; for training.
 
 Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting say nothing
 about the next one's. So every loading path is seen by several domain-randomised sensors: what calibration leaves of

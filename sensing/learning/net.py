@@ -72,7 +72,7 @@ class WrenchNet(nn.Module):
 
 
 class Bent(nn.Module):
-    """A straight line beside the perceptron that bends it: what is trained of the mean.
+    """The trained part of the mean: a linear map plus a perceptron that corrects it.
 
     The linear part W of :class:`WrenchNet` stands fast in training; :meth:`into` adds the line to it at the end.
     """

@@ -1,4 +1,4 @@
-"""Principal fields: the directions in which fields say most about a contact, beside what sensors differ by.
+"""Principal fields: directions in which fields vary most with the contact, relative to the variation between sensors.
 
 Notes:
     With T the second moments of the fields of all samples, and N those of what the views of one state differ by

@@ -1,4 +1,4 @@
-"""What weights were trained on, and how: the part of their file that says where they come from."""
+"""Provenance of weights, part of their file: data and settings of the training."""
 
 from __future__ import annotations
 

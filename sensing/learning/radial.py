@@ -40,7 +40,7 @@ BEYOND_PX = 60.0  # dots this far outside the picture still say how the skin mov
 
 
 def radial_tensors(folders: Sequence[str | Path], shape: tuple[int, int]) -> Weights:
-    """``radial.parts`` (R, 2 H W) and ``radial.cells`` (H W, R) of weights; none where no set says how its dots moved.
+    """``radial.parts`` (R, 2 H W) and ``radial.cells`` (H W, R) of weights; none where no set has dots in mm.
 
     Args:
         folders: of labelled frames of one design.

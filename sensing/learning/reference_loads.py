@@ -30,7 +30,7 @@ def in_reference_loads(samples: Samples) -> Samples:
 
 
 def rescaled(model: WrenchModel, factor: NDArray[np.float64]) -> WrenchModel:
-    """The network with its outputs, and what it covers, in other loads.
+    """The network with its outputs and limits in other units of load.
 
     Args:
         model: weights.

@@ -1,4 +1,4 @@
-"""What a wrench model learns from: shear fields with their labels, made from a folder of labelled frames.
+"""Training samples of wrench models: shear fields with their labels, made from a folder of labelled frames.
 
     samples = read_samples("exports/data")                       # tracks the dots of every frame once, then cached
     train, test = samples.split(0.2, seed=1)                     # whole paths
@@ -248,7 +248,7 @@ def _marked(data: LabelledSet, design: EndcapParams, shape: tuple[int, int]) -> 
 
 
 def shown_column(data: LabelledSet) -> str:
-    """Column of what a window shows of a dot's motion: its outline, or its centre in sets without that."""
+    """Column of a dot's motion as a window sees it: that of its outline, or of its centre in sets without outlines."""
     return "outline_mm" if "outline_mm" in data.manifest.get("columns", ()) else "dots_mm"
 
 

@@ -22,7 +22,7 @@ DIRECTION_N = 1.0  # direction is judged from this true force on, likewise
 
 @dataclass(frozen=True)
 class Score:
-    """Errors over N samples; NaN where nothing could be judged.
+    """Errors over N samples; NaN where there is none.
 
     Attributes:
         count: N.

@@ -97,7 +97,7 @@ def symmetric_cell_moments(moment: NDArray[np.float64], side: int) -> NDArray[np
 
 @lru_cache(maxsize=64)
 def _permutation(number: int, side: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Which input goes where, and with which sign: the value at M p is M times the value at p."""
+    """Place and sign of every input after the symmetry M: the value at M p is M times the value at p."""
     if side < 1:
         raise ParameterError(f"side={side}: give a square field", name="side", value=side)
     M = plane_map(number)

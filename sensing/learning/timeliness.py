@@ -1,4 +1,4 @@
-"""What the filter makes of a moving contact: errors of the wrench at the time it is reported for (s, N, N m)."""
+"""Errors of filtered wrenches of moving contacts at the time for which they are reported (s, N, N m)."""
 
 from __future__ import annotations
 

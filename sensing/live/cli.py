@@ -53,7 +53,7 @@ whole (one line on stderr); 2 bad input (one line on stderr); 130 or 143 stopped
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what the options ask for; returns the exit status."""
+    """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
         return _run(complete(options))

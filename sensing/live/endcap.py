@@ -61,7 +61,7 @@ class Endcap:
         self.close()
 
     def close(self) -> None:
-        """Let the camera go; streams end."""
+        """Release the camera and end all streams."""
         self._readings.close()  # first: a file may wait for its reader
         self._engine.close()
 
@@ -154,7 +154,7 @@ class Endcap:
 
     @property
     def health(self) -> EndcapHealth:
-        """Rate, delay, drops and what is wrong."""
+        """Rate, delay, dropped frames and faults."""
         return self._endcap.health
 
 
@@ -194,7 +194,7 @@ def open_endcap(
 
 
 class _Readings(QueuedSink):
-    """The queue without a thread: whoever iterates takes."""
+    """A queue without a thread of its own: its iterator takes the readings."""
 
     def __init__(self) -> None:
         super().__init__(ROOM)

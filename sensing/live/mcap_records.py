@@ -218,7 +218,7 @@ def _of_chunk(place: Place, data: bytes) -> Iterator[McapRecord]:
 
 
 def _decompressed(place: Place, chunk: Chunk) -> bytes:
-    """The chunk's records, once size and check sum are what they should be."""
+    """Records of a chunk, after checks of size and check sum."""
     size = chunk.uncompressed_size
     if size > min(MOST_BYTES, MOST_RATIO * (len(chunk.data) + 1024)):
         raise damaged(place, f"a chunk of {len(chunk.data)} bytes that claims to hold {size}")

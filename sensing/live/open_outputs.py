@@ -1,4 +1,4 @@
-"""The outputs that the options ask for, started in order and closed in reverse."""
+"""Opens the outputs of the command line, in order; they are closed in reverse."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, lines: Lines) -> None:
-    """Start what is asked for.
+    """Start the outputs that the options name.
 
     Args:
         run: what is put out.

@@ -1,4 +1,4 @@
-"""A recording played: to its end, over and over, paused, or sent to a moment; what page and command ask for.
+"""Playback of a recording: once, repeated, paused or from a moment on, as page and command request.
 
     playback = Playback(path, speed=1.0)              # shared by the feeds of sensing.live.recorded_feed
     playback.seek(12.0)                               # s since the first message, from any thread
@@ -25,7 +25,7 @@ SPEEDS = (0.0, 1000.0)
 
 
 class AtEnd(StrEnum):
-    """What a replay does behind its last picture."""
+    """Action of a replay after its last picture."""
 
     STOP = "stop"  # the run ends
     LOOP = "loop"  # it begins again
@@ -97,7 +97,7 @@ class Playback:
         return self._turn
 
     def state(self) -> dict[str, Any]:
-        """For the page: moment and length in s, what it does, whether the recording's own bits are shown."""
+        """State for the page: moment and length in s, action, whether results equal the recorded ones bit for bit."""
         return {
             "position_s": round(self._position_s, 2), "span_s": round(self.timeline.span_s, 2), "paused": self.paused,
             "loop": self.at_end is AtEnd.LOOP, "speed": self._speed, "whole": self._turn.from_s == 0,
@@ -109,7 +109,7 @@ class Playback:
             self._go(min(max(moment_s, 0.0), self.timeline.span_s))
 
     def pause(self, paused: bool = True) -> None:
-        """Stop at what is shown, or go on; behind the last picture, from the begin."""
+        """Pause or continue; after the last picture, continue from the beginning."""
         with self._changed:
             self.paused, self._anchor = paused, None
             if not paused and self._feeds and self._done == self._feeds:
@@ -164,7 +164,7 @@ class Playback:
         return None
 
     def finished(self, turn: Turn) -> bool:
-        """A feed has shown its last picture: waits for the others, then says whether that was the end."""
+        """Wait, at a feed's last picture, for the other feeds; returns whether the replay ends."""
         with self._changed:
             if turn is self._turn:
                 self._done += 1

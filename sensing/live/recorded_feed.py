@@ -1,4 +1,4 @@
-"""Frames of a recording for the loop, as a playback asks for them, with the references that they need.
+"""Feed of a recording's frames and references for the loop, as its playback requests them.
 
 for endcap in replay_endcaps(path, config, playback): ...      # as sensing.live.open_endcaps.open_endcaps
 """
@@ -34,7 +34,7 @@ class _Item:
 
 
 class ReplayFeed(FileFeed):
-    """Frames of one endcap of a recording; hands over references when they are due.
+    """Frames of one endcap of a recording; sets references when they are due.
 
     Args:
         path: recording.

@@ -57,12 +57,12 @@ def with_error(path: Path, zero: Zero, message: Message) -> Zero:
 
 
 def kept_in(path: Path, message: Message) -> Kept:
-    """What the frames before have left, of a ``kept`` message."""
+    """State kept from earlier frames, from a ``kept`` message."""
     return read_message(path, ros.STRING, message, lambda reported: kept_of(reported.data))
 
 
 def picture_in(path: Path, endcap: str, message: Message, time_s: float) -> Frame:
-    """A picture as it came, also one that no camera should give: the pipeline says of it what it said live.
+    """A picture as it was recorded, even a faulty one: the pipeline then gives the same result as live.
 
     Args:
         path: of the recording.
@@ -113,7 +113,7 @@ def _decoded(path: Path, kind: str, message: Message) -> Any:
 
 
 def read_message(path: Path, kind: str, message: Message, read: Callable[[Any], Any]) -> Any:
-    """What a function makes of a message.
+    """Result of a function of a message.
 
     Args:
         path: of the recording.

@@ -31,7 +31,7 @@ SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold 
 
 
 class LiveRun:
-    """Everything that a page or a command may look at or ask for while it runs.
+    """A run: what page and commands may read and request while it lasts.
 
     Attributes:
         config: what runs.
@@ -59,7 +59,7 @@ class LiveRun:
         self._end_s: float | None = None
 
     def add_output(self, sink: Sink, name: str) -> None:
-        """One more output; where it raises, or says that it ``failed``, note and loss name it."""
+        """Add an output; if it raises, or sets ``failed``, note and loss name it."""
         self.engine.add_sink(sink, name)
         said = partial(_failed, sink, name)
         self.notes.append(said)
@@ -76,7 +76,7 @@ class LiveRun:
 
     @property
     def patience_s(self) -> float:
-        """For how long an output may finish: what is left of the time after a signal; without one, long."""
+        """Time for which an output may finish, s: the rest of that after a signal; long without a signal."""
         return PATIENCE_S if self._end_s is None else max(LEAST_S, self._end_s - time.monotonic())
 
     def hurry(self) -> None:
@@ -84,7 +84,7 @@ class LiveRun:
         self._end_s = time.monotonic() + END_S
 
     def robot(self) -> RobotState:
-        """What the endcaps say together, now."""
+        """State of the robot now, from all endcaps."""
         return robot_state(self.config.endcaps, self.latest.all(), self.config.weight_n, time.monotonic())
 
     def zero(self, endcap: str | None = None, confirmed: bool = False) -> None:
@@ -104,7 +104,7 @@ class LiveRun:
 
 
 def reduce_pauses() -> None:
-    """Settings of the whole process for a run: threads hand over soon, and the collector leaves alone what is there.
+    """Set the process up for a run: short thread switch interval; existing objects are exempt from garbage collection.
 
     A collection of everything that the libraries have loaded stops all threads for tens of milliseconds.
     """

@@ -1,4 +1,4 @@
-"""Where the moments of a recording lie in its file: what is needed to begin a replay elsewhere than at its start.
+"""Index of a recording: places of moments in its file, from which a replay can start.
 
     timeline = Timeline(path)
     start = timeline.start("endcap_0", 12.0)          # byte, reference and channels; recorded_frames(path, name, start)

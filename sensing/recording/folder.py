@@ -86,7 +86,7 @@ class Recording:
         self.close()
 
     def close(self) -> None:
-        """Let the folder go; nothing can be added any more. Where nothing was written, nothing is left."""
+        """Release the folder; nothing can be added any more. An empty folder is removed."""
         with suppress(OSError):  # closed before, or a folder that holds what is the user's
             if not self._begun and not any((self.folder / "shards").iterdir()):
                 (self.folder / "shards").rmdir()
@@ -103,7 +103,7 @@ class Recording:
         self._path, self._touching = self.paths, False
 
     def add(self, frame: Frame, reading: NDArray[np.float64]) -> float:
-        """One frame and what the sensor read at its capture time (6,); returns the force, N."""
+        """Add one frame with the sensor's reading (6,) at its capture time, N and N m; returns the force norm, N."""
         if self._start_s is None:
             self._start_s = frame.time_s
         mount = FtMount(self._mount.T_endcap_ft, self._mount.reads, self._tare)
@@ -124,7 +124,7 @@ class Recording:
         return force
 
     def flush(self) -> None:
-        """Write what has been added.
+        """Write the frames that were added.
 
         Raises:
             FileError: no space left (shards before stay), or the folder holds these very frames.

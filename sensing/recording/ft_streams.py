@@ -134,7 +134,7 @@ class NetFt:
 
     @property
     def note(self) -> str:
-        """Rate and delay as they were found, and what the unit complained of."""
+        """Measured rate and delay, and errors that the unit reported."""
         rate = self._times.rate_hz
         said = f"{self.name}: {'unknown' if rate is None else f'{rate:.0f}'} counts a second, "
         said += f"{1e3 * self._times.delay_s:.1f} ms on the way"

@@ -1,4 +1,4 @@
-"""What a recording is doing, in one line that is rewritten twice a second; quiet where nobody looks."""
+"""Progress of a recording, one line that is rewritten twice a second; no output without a terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EVERY_S = 0.5
 
 
 class Progress:
-    """A context; its thread writes also while the camera or the sensor lets everything wait.
+    """A context; its thread writes even while the camera or the sensor blocks.
 
     Attributes:
         frames, rest, written, unpaired, damaged, waiting: counts so far.

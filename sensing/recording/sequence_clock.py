@@ -29,7 +29,7 @@ LOST = 1 << 20  # counts; a larger step is a sensor that began anew
 
 
 class RateError(EndcapError):
-    """A sensor that does not count at the rate it was said to."""
+    """A sensor whose counter does not run at its stated rate."""
 
 
 class SequenceClock:

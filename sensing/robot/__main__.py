@@ -8,7 +8,7 @@ from sensing.live.ending import end_at_once, leave
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what the options ask for; returns the exit status."""
+    """Run the command line; returns the exit status."""
     from sensing.robot.node.cli import main as run
 
     return run(arguments)

@@ -1,4 +1,4 @@
-"""What a wrench says of one contact: normal, push, friction ratio, and how sure that is.
+"""Contact from one wrench: normal, normal force and friction ratio, with their uncertainties.
 
 Notes:
     A single push has its line of action through the contact point; the line enters the sphere there. The full outer
@@ -33,7 +33,7 @@ LEAST_PUSH = 0.1  # of the force: a line of action that grazes the sphere, or mi
 
 @dataclass(frozen=True)
 class Contact:
-    """What one sample says; bar axes.
+    """Contact from one sample; bar axes.
 
     Attributes:
         touching: whether it touches; None where the sample leaves that open.

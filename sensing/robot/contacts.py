@@ -1,4 +1,4 @@
-"""How a reading of an endcap moves the state: a rolling anchor that counts as much as the contact holds."""
+"""Update of the state by a reading of an endcap: a rolling anchor, which may slip with a probability."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample
 from sensing.tensegrity.vectors import cross
 
-LONGEST_GAP_S = 0.15  # without a reading; after it a contact starts anew
-STAYS, STARTS = 0.7, 0.02  # E: that a contact that slipped slips on; that one begins to without a sign in the ratio
-LEAST, MOST = 1e-3, 0.999  # of a probability of slip
+LONGEST_GAP_S = 0.15  # between readings of one contact; after a longer one it starts anew
+STAYS, STARTS = 0.7, 0.02  # E: probabilities that a slip continues, and that one starts at an unremarkable ratio
+LEAST, MOST = 1e-3, 0.999  # limits of the probability of slip
 STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
-LATELY = 0.02  # weight of a new value in the fading means of the report
-FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # of a slip; torque over push that is no more than noise
+MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
+FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # E: largest mean speed of a slip; torque over normal force that is only noise
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings: Settings) -> None:
-    """Take one reading.
+    """Update the state by one reading of an endcap.
 
     Args:
-        state: of the sample's time, is changed.
-        endcap: its number.
+        state: predicted to the sample's time; it is changed.
+        endcap: number of the endcap.
         sample: the reading.
         layout, settings: of the estimator.
     """
     contact = contact_of(sample, endcap, layout, settings)
     since = state.time_s - state.contact_s[endcap]
     state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
-    _weigh(state, layout)
+    _update_weight_ratio(state, layout)
     if contact.known or contact.touching is False:
         state.astray_s[endcap] = np.nan
     elif contact.touching and np.isnan(contact.push_n) and np.isfinite(contact.force_n).all():
@@ -55,11 +55,11 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
 
 
 def release(state: State, endcap: int, layout: Layout) -> None:
-    """Forget an anchor.
+    """Remove the anchor of an endcap from the state.
 
     Args:
-        state: is changed.
-        endcap: its number.
+        state: it is changed.
+        endcap: number of the endcap.
         layout: of the robot.
     """
     at = layout.anchor(endcap)
@@ -126,7 +126,7 @@ def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
 
 
 def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
-    """((3,) velocity of a contact that slips, world, (3, 3) covariance): it goes against the friction force."""
+    """((3,) mean velocity of a slipping contact, world, m/s; (3, 3) covariance); it opposes the friction force."""
     normal, along = state.normal[endcap], _friction_axis(state, endcap, bar, contact)
     flat = np.eye(3) - np.outer(normal, normal)
     spin = abs(float(world_rate(state, bar) @ normal))
@@ -146,16 +146,17 @@ def _friction_axis(state: State, endcap: int, bar: int, contact: Contact) -> Arr
 
 
 def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) -> None:
-    """Move an anchor against its friction force, as an endcap that turns under load does.
+    """Move an anchor against its friction force by the creep of an endcap that turns under load.
 
-    Slow slips do not show in the probability of a slip, but go on as long as the endcap rolls or pivots and, on a
-    slope, all one way. With the friction ratio r along the unit vector t, the radius R and the angular velocity w, an
-    anchor a moves by da/dt = -c r t R |w|. The creep c is a part of the state, so that its error is one in all anchors.
+    Slow slip does not raise the probability of slip, but continues as long as the endcap rolls or pivots, on a slope
+    always in the same direction. With the friction ratio r along the unit vector t, the radius R and the angular
+    velocity w, an anchor a moves by da/dt = -c r t R |w|. The creep c is part of the state, so that its error is common
+    to all anchors.
 
     Args:
-        state: is changed.
-        endcap: its number.
-        turned_m: (3,) r t R |w| times the time.
+        state: it is changed.
+        endcap: number of the endcap.
+        turned_m: (3,) r t R |w| times the time step, m.
         layout: of the robot.
     """
     at = layout.anchor(endcap)
@@ -180,7 +181,7 @@ def _learn_normal(
 
 
 def axes_about(normal: Array) -> Array:
-    """(3, 3) rows: the normal and two directions across it."""
+    """(3, 3) orthonormal rows: the normal (3,), unit, and two tangents."""
     x, y, z = normal
     one = np.array([1.0, 0.0, 0.0]) if abs(x) < 0.6 else UP
     one = one - (one @ normal) * normal
@@ -190,7 +191,7 @@ def axes_about(normal: Array) -> Array:
 
 
 def _begin(state: State, endcap: int, centre: DomeCentre, variance: Array, layout: Layout) -> None:
-    """Start an anchor where the sphere's centre is now."""
+    """Start an anchor at the present position of the sphere's centre."""
     at, release_slips = layout.anchor(endcap), state.slips[endcap]
     release(state, endcap, layout)
     point, slopes = unloaded(state, endcap, centre, layout)
@@ -202,7 +203,7 @@ def _begin(state: State, endcap: int, centre: DomeCentre, variance: Array, layou
 
 
 def _difference(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
-    """((3,) from the endcap to its anchor, (3, N) slopes of what should be zero, endcap less anchor)."""
+    """((3,) innovation: anchor minus endcap, m; (3, N) Jacobian of endcap minus anchor by the error state)."""
     point, slopes = unloaded(state, endcap, centre, layout)
     slopes[:, layout.anchor(endcap)] -= np.eye(3)
     return state.anchor[endcap] - point, slopes
@@ -212,7 +213,7 @@ def _slips(
     state: State, endcap: int, contact: Contact, centre: DomeCentre, axes: Array, variance: Array, since: float,
     layout: Layout, settings: Settings,
 ) -> float:  # fmt: skip
-    """Probability of slip: what the friction ratio says, then what the innovation says."""
+    """Probability of slip: prior from friction ratio and last probability, Bayes' rule with the innovation."""
     by_ratio = slip_probability(state.friction, contact.use, contact.use_sd)
     before = state.slips[endcap]
     prior = by_ratio * (STAYS * before + (1 - before)) + STARTS * by_ratio * (1 - by_ratio)
@@ -229,29 +230,29 @@ def _slips(
 
 
 def _log_density(x: Array, spread: Array) -> float:
-    """Of two numbers, up to a constant."""
+    """Logarithm of the normal density of x (2,) with covariance ``spread`` (2, 2), up to a constant."""
     (a, b), (_, c) = spread.tolist()
-    square = max(a * c - b * b, 1e-30)  # rounding may leave less than nothing of a covariance that ran away
+    square = max(a * c - b * b, 1e-30)  # rounding can make the determinant of a diverged covariance negative
     u, v = x.tolist()
     return -0.5 * ((c * u * u - 2 * b * u * v + a * v * v) / square + math.log(square))
 
 
 def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: Array, layout: Layout) -> None:
-    """Take that the endcap is at its anchor."""
+    """Update step with the measurement that the endcap is at its anchor."""
     innovation, slopes = _difference(state, endcap, centre, layout)
     found = np.empty(3)
     change = update_step(
         state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
     )
-    state.consistency[1] += LATELY * (float(found.mean()) - state.consistency[1])
+    state.consistency[1] += MEAN_WEIGHT * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
         state.creep, state.softness, layout.leader,
     )  # fmt: skip
 
 
-def _weigh(state: State, layout: Layout) -> None:
-    """Compare the vertical forces with the weight while the robot does not accelerate."""
+def _update_weight_ratio(state: State, layout: Layout) -> None:
+    """Update the mean ratio of the vertical forces to the weight while the robot does not accelerate."""
     leader = layout.leader
     push = state.turn[leader] @ (state.force[leader] - state.force_bias[leader])
     recent = state.time_s - state.reading_s <= LONGEST_GAP_S
@@ -264,5 +265,5 @@ def _weigh(state: State, layout: Layout) -> None:
     ratio = total / (layout.mass_kg.sum() * GRAVITY_M_S2)
     if np.isfinite(ratio):
         state.weight_ratio = (
-            ratio if np.isnan(state.weight_ratio) else state.weight_ratio + LATELY * (ratio - state.weight_ratio)
+            ratio if np.isnan(state.weight_ratio) else state.weight_ratio + MEAN_WEIGHT * (ratio - state.weight_ratio)
         )

@@ -1,4 +1,4 @@
-"""What the estimator says of the robot at one time: records that go to page, recording and ROS (m, s, N, rad).
+"""Estimates of the robot at one time: records that page, recording and ROS take (m, s, N, rad).
 
 Bars and endcaps stand in the order of the robot's description; frames are those of
 :mod:`sensing.tensegrity.description`.
@@ -37,7 +37,7 @@ class BarEstimate:
 
 @dataclass(frozen=True)
 class Hold:
-    """How an endcap meets its support, as probabilities that sum to 1; NaN where no reading says.
+    """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading.
 
     Attributes:
         holds: touches and stays.

@@ -57,7 +57,7 @@ class RobotEstimator:
 
     Args:
         robot: its description.
-        settings: what is assumed of sensors and contacts.
+        settings: assumptions on sensors and contacts.
 
     Raises:
         ParameterError: a description that cannot be estimated (two inertial sensors on a bar, no stated ends).
@@ -83,7 +83,8 @@ class RobotEstimator:
         """Take a sample of an inertial sensor.
 
         Raises:
-            ParameterError: an unknown sensor, another count of numbers, another clock; the same for the other samples.
+            ParameterError: an unknown sensor, another count of numbers, or another clock. The methods for other samples
+                raise it, too.
         """
         self._put(sample)
 
@@ -96,17 +97,17 @@ class RobotEstimator:
         self._put(sample)
 
     def known(self, sample: KnownContact) -> None:
-        """Take what a simulation knows of a contact, before its reading; for ``Contacts.KNOWN`` only."""
+        """Take the true contact of a simulation, before its reading; for ``Contacts.KNOWN`` only."""
         self._put(sample)
 
     def state(self, at: float | None = None) -> RobotEstimate | None:
-        """The robot at a time; None before the start.
+        """Estimate of the robot at a time; None before the start.
 
         Args:
-            at: time, s; None for that of the newest sample. Later than that: predicted with the last rates.
+            at: time, s; None for that of the newest sample. For later times it is predicted with the last rates.
 
         Raises:
-            ParameterError: a time that is not finite, or longer ago than the kept past.
+            ParameterError: a time that is not finite, or before the history that is kept.
         """
         time_s = self.newest_s if at is None else float(at)
         if at is not None and not np.isfinite(time_s):
@@ -126,7 +127,7 @@ class RobotEstimator:
         return report_of(state, measured_s, self._ignored, self.left_out(), self._layout, self.settings)
 
     def left_out(self) -> list[str]:
-        """What came lately that no sensor can measure, a line each; it is in the health, too, once there is a state."""
+        """One line for each kind of recent sample with impossible values; the health of an estimate has them, too."""
         return self._check.notes(self.newest_s)
 
     def _put(self, sample: AnySample) -> None:
@@ -146,12 +147,12 @@ class RobotEstimator:
         if np.isnan(gathered.tried_s):
             gathered.tried_s = time_s
         doubted = None if progress.state is None or progress.state.held_s else progress.state
-        waits = doubted is not None  # what is followed on meanwhile may wait for a robot that stands
+        waits = doubted is not None  # a state exists, so that a new start can wait for a robot that stands
         waits = waits or time_s - gathered.tried_s < self.settings.start_limit_s - self.settings.start_s
         moving = moves(gathered, samples) or (doubted is not None and pauses(doubted))
         progress.stands &= not moving or waits
         again = nothing_gathered(self._layout, gathered.tried_s if doubted is None else time_s)
-        if moving and waits:  # it falls, rocks or walks: what was gathered is of no robot that stands
+        if moving and waits:  # it falls, rocks or walks: the gathered means are not those of a robot that stands
             gathered = progress.gathered = again
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9

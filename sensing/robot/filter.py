@@ -1,4 +1,7 @@
-"""The filter's steps: prediction by gyroscopes and accelerometer, cable lengths, contacts (docs/robot.md)."""
+"""Error-state Kalman filter: prediction by gyroscopes and accelerometers, updates by cable lengths and contacts.
+
+The model is in docs/robot.md.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +22,19 @@ from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
-LIMIT = 25.0  # squared innovation over its variance beyond which a length is left out
-MISFIT = 4.0  # mean squared innovation over its variance from which the shape is loosened
-LOOSE, LOOSE_M = 0.02, 0.005  # E: by so much a sample, rad and m
-FREE_NOISE = 5.0  # E: acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
-LATELY = 0.02  # weight of a new value in the fading mean
+LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
+MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
+LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations added per sample then, rad and m
+FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
+MEAN_WEIGHT = 0.02  # weight of a new value in the fading mean
 
 
 class Filter:
-    """Moves a :class:`sensing.robot.state.State` from sample to sample.
+    """Predicts and updates a :class:`sensing.robot.state.State`.
 
     Args:
-        layout: of the robot.
-        settings: what is assumed.
+        layout: indices and geometry of the robot.
+        settings: assumptions on sensors and contacts.
     """
 
     def __init__(self, layout: Layout, settings: Settings) -> None:
@@ -44,16 +47,16 @@ class Filter:
         self._roll = np.full(layout.endcaps, int(rolls), np.int64)
 
     def take(self, state: State, time_s: float, samples: list[AnySample]) -> None:
-        """Move the state to a time and take all samples of that time.
+        """Predict the state to a time and update it by all samples of that time.
 
         Args:
-            state: is changed.
-            time_s: not before the state's.
-            samples: inertial ones, then lengths, then endcaps.
+            state: it is changed.
+            time_s: not before the time of the state.
+            samples: inertial ones first, then lengths, then endcaps.
         """
         if state.held_s or unmeasured(state, time_s, self.layout):
             return self._hold(state, time_s, samples)
-        if time_s - state.time_s > SILENT_S:  # nothing came at all: a sample says nothing of so long a time
+        if time_s - state.time_s > SILENT_S:  # a sample must not stand for so long a time without any
             self.predict(state, time_s - LONGEST_STEP_S, [])
         self.predict(state, time_s, [sample for sample in samples if isinstance(sample, InertialSample)])
         for sample in samples:
@@ -82,12 +85,12 @@ class Filter:
                 state.reading_s[endcap] = time_s
 
     def predict(self, state: State, time_s: float, samples: list[InertialSample]) -> None:
-        """Move the state to a time.
+        """Predict step to a time.
 
         Args:
-            state: is changed.
-            time_s: not before the state's.
-            samples: inertial ones of that time.
+            state: it is changed.
+            time_s: not before the time of the state.
+            samples: inertial samples of that time.
         """
         step = time_s - state.time_s
         rate, force = state.rate.copy(), state.force.copy()
@@ -114,14 +117,14 @@ class Filter:
         state.time_s = time_s
 
     def _first_rate(self, state: State, bar: int) -> None:
-        """A gyroscope is heard for the first time: what stood for its bias was the angular velocity."""
+        """Reset the bias of a gyroscope at its first sample: until then it stood for the angular velocity."""
         at = self.layout.rate_bias(bar)
         state.rate_bias[bar], state.covariance[at], state.covariance[:, at] = 0.0, 0.0, 0.0
         state.covariance[at, at] = self.settings.rate_bias_sd**2 * np.eye(3)
 
     def _move(self, state: State, time_s: float, rate: Array, force: Array, heard: np.ndarray) -> None:
         layout, leader = self.layout, self.layout.leader
-        unknown = ~np.isfinite(state.rate_s)  # no gyroscope: the rate is what the "bias" of a zero has to be
+        unknown = ~np.isfinite(state.rate_s)  # without gyroscope, minus its "bias" is the angular velocity
         rate[~heard[0] & ~unknown] = 0.0
         watch(state, time_s - state.time_s, ~heard[0] & ~unknown)
         own = (layout.has_force == 1) & heard[1]
@@ -209,12 +212,12 @@ class Filter:
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
-            state.consistency[0] += LATELY * (float(taken.mean()) - state.consistency[0])
+            state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
         apply(state, change, layout.leader)
 
     def _loosen(self, state: State) -> None:
-        """Let the shape change, where the lengths no longer fit it."""
+        """Increase the covariance of the shape where the lengths no longer fit it."""
         for bar in range(self.layout.bars):
             if bar != self.layout.leader:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)

@@ -1,4 +1,4 @@
-"""The shape and attitude in which a robot stands at the start, from what is measured there.
+"""Shape and attitude of a robot that stands at the start, from its first measurements.
 
 Notes:
     Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
@@ -111,7 +111,7 @@ class FirstShape:
         return poses, spread + others
 
     def balances(self, poses: Array) -> bool:
-        """Whether bars in these poses are in balance under what the endcaps report, with any likely tensions."""
+        """Whether bars in these poses are in equilibrium under the endcaps' wrenches, with any likely tensions."""
         if not self.contacts:
             return True
         off = self._balance(poses, *cable_lengths(self.layout.robot, poses))
@@ -123,7 +123,7 @@ class FirstShape:
         return float(np.minimum(value**2, MOST_SQUARE).sum())
 
     def _descended(self, guess: Array) -> tuple[float, Array, Array, Array]:
-        """(cost, guess, step, Jacobian) after Gauss and Newton's steps, each shortened until it descends."""
+        """(cost, guess, step, Jacobian) after Gauss-Newton steps, each shortened until the cost falls."""
         self.guess, step = guess, np.zeros(6 * len(guess))
         value = self.residuals(step)
         cost, jacobian = float(value @ value), np.zeros((len(value), len(step)))
@@ -164,7 +164,7 @@ class FirstShape:
         return motion
 
     def residuals(self, step: Array) -> Array:
-        """(M,) at poses that lie a step from the guess."""
+        """(M,) residuals at poses that lie a step from the guess."""
         poses = moved(self.guess, step)
         cables = cable_lengths(self.layout.robot, poses)
         parts = [np.nan_to_num((cables[0][self.measured] - self.lengths) / self.length_sd)]

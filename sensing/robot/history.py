@@ -22,7 +22,7 @@ class Copied(Protocol):
     """What can be copied."""
 
     def copy(self) -> Self:
-        """One that can be changed on its own."""
+        """An independent copy."""
         ...
 
 

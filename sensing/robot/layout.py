@@ -14,7 +14,7 @@ from sensing.tensegrity.description import Array, InertialSensor, TensegrityRobo
 
 @dataclass(frozen=True)
 class Layout:
-    """What the filter needs of a robot.
+    """Indices and geometry of a robot that the filter needs.
 
     A bar's reference point, whose place and velocity are estimated, is its accelerometer, else its centre of mass.
 

@@ -1,4 +1,4 @@
-"""The filter's state as the record that goes out."""
+"""The filter's state as the record that outputs take."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstim
 
 
 def _fell_silent(state: State, bar: int) -> bool:
-    """Whether a bar's gyroscope was heard once and is not now."""
+    """Whether a bar's gyroscope has sent samples but sends none now."""
     return SILENT_S < state.time_s - float(state.rate_s[bar]) < np.inf
 
 

@@ -42,7 +42,7 @@ class SampleCheck:
         self._impossible: dict[str, tuple[float, str]] = {}
 
     def notes(self, time_s: float) -> list[str]:
-        """What was lately left out because nothing can measure it, a line for each sensor or cable.
+        """One line for each sensor or cable whose recent samples were left out as impossible.
 
         Args:
             time_s: of the newest sample.

@@ -1,4 +1,4 @@
-"""What the estimator assumes of sensors and contacts, and how much of the endcaps it uses (m, s, N, rad)."""
+"""Assumptions of the estimator on sensors and contacts, and the data of endcaps that it uses (m, s, N, rad)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sensing.tensegrity.description import Array
 
 
 class Contacts(Enum):
-    """What of the endcaps is used; all but WRENCH are for comparison."""
+    """Data of endcaps that the estimator uses; all but WRENCH are for comparison."""
 
     NONE = "none"  # inertial sensors and cable lengths alone
     BIT_FIXED = "bit_fixed"  # whether it touches; the sphere's centre stays where it is
@@ -20,7 +20,7 @@ class Contacts(Enum):
 
 @dataclass(frozen=True)
 class KnownContact:
-    """What a simulation knows of one contact, for ``Contacts.KNOWN``.
+    """True contact of a simulation, for ``Contacts.KNOWN``.
 
     Attributes:
         time_s: of a reading of the same endcap.

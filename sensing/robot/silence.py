@@ -1,4 +1,4 @@
-"""What is left of the estimate while the leading bar's inertial sensor is silent.
+"""The estimate while the leading bar's inertial sensor sends nothing.
 
 Lengths and contacts alone leave the turn about the vertical, the bars' turns about themselves and, at the prism, one
 motion of the shape open: a filter on them alone runs away within minutes. So the pose is held, its covariance grows as
@@ -54,7 +54,7 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
 
 
 def doubtful(state: State) -> bool:
-    """Whether the shape may be off by more than its covariance says, and one begun anew would be better.
+    """Whether the error of the shape may exceed its covariance, so that a new start would be better.
 
     A start without an endcap's force or a gyroscope is no better as long as these report nothing.
 
@@ -78,7 +78,7 @@ def pauses(state: State) -> bool:
 
 
 def hold(state: State, time_s: float, layout: Layout) -> None:
-    """Keep the pose until a time, and let its covariance grow.
+    """Hold the pose until a time, with a growing covariance.
 
     Args:
         state: is changed.

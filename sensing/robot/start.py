@@ -41,7 +41,7 @@ MOVES_M_S, MOVES_RAD, MOVES_M = 0.5, 0.2, 0.02  # E: of a robot that moves as th
 
 @dataclass
 class Gathered:
-    """Means of what was measured while the robot stands.
+    """Sums of the measurements while the robot stands, for its first shape.
 
     Attributes:
         tried_s: time of the first sample since the estimator began, s; NaN before.
@@ -77,7 +77,7 @@ class Gathered:
     contacts: dict[int, Contact] = field(default_factory=dict)
 
     def copy(self) -> Gathered:
-        """One that can be changed on its own."""
+        """An independent copy."""
         other = copy(self)
         for entry in fields(self):
             value = getattr(self, entry.name)
@@ -205,7 +205,7 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
 
 
 def _heard(state: State, gathered: Gathered) -> None:
-    """Hand over when each inertial sensor was last heard, so that none is silent because another sample comes first."""
+    """Set the time of each inertial sensor's last sample, so that none counts as silent at the start."""
     rates, forces = (gathered.counts > 0).T
     state.rate[rates] = gathered.rate[rates] / gathered.counts[rates, :1]
     state.force[forces] = gathered.force[forces] / gathered.counts[forces, 1:]

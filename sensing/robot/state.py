@@ -96,7 +96,7 @@ class State:
     unseen_s: float = 0.0
 
     def copy(self) -> Self:
-        """One that can be changed on its own."""
+        """An independent copy."""
         other = copy(self)
         for entry in fields(self):
             value = getattr(self, entry.name)

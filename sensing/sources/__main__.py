@@ -1,4 +1,4 @@
-"""Cameras and their modes: ``python -m sensing.sources``; ``check``: what is wrong with them; ``save``: one frame."""
+"""Lists cameras and their modes: ``python -m sensing.sources``; ``check`` finds faults; ``save`` stores one frame."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ STAMP_TRUST_S = 0.5  # a driver's stamp older than this, or from the future, is 
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """What is asked of the camera; it may answer with another mode, which the frames then carry.
+    """Requested mode of a camera; it may choose another one, which the frames then have.
 
     Attributes:
         device: number N of /dev/videoN.
@@ -89,7 +89,7 @@ def capture_time_s(stamp_s: float, arrival_s: float) -> float:
 def to_frame(
     data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None, gain: float | None
 ) -> Frame:
-    """A frame from what the driver gave.
+    """A frame from the driver's data.
 
     Args:
         data: JPEG bytes as a row of uint8, or a decoded (H, W, 3) picture.
@@ -158,7 +158,7 @@ def list_modes(device: int) -> list[CameraMode]:
 
 
 def _require_usable(path: Path) -> None:
-    """Say exactly what is wrong before OpenCV fails without a reason."""
+    """Refuse an unusable device with a precise reason, because OpenCV fails without one."""
     if not path.exists():
         known = ", ".join(f"/dev/video{n} ({name})" for n, name in list_devices()) or "none"
         raise SourceError(f"{path}: no such camera; found: {known}: plug it in or choose another")

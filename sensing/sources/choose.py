@@ -60,7 +60,7 @@ def is_camera_number(word: str) -> bool:
 
 @contextmanager
 def open_frames(word: str) -> Iterator[Iterable[Frame]]:
-    """Frames of a source, which is closed afterwards (a camera must be let go); those of a camera as they arrive.
+    """Frames of a source, which is closed afterwards; those of a camera as they arrive.
 
     Raises:
         FileError: nothing of that name.

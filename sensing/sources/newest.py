@@ -27,7 +27,7 @@ class SourceError(EndcapError):
 
 
 class FrameSource(Protocol):
-    """What a source is to the thread: an iterator of frames that can be closed."""
+    """Interface of a source for the thread: an iterator of frames that can be closed."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames until the source ends; raises SourceError when it breaks."""
@@ -115,7 +115,7 @@ class OnArrival:
         raise StopIteration if self._error is None else self._error
 
     def close(self, wait_s: float = 2.0) -> None:
-        """Let the camera go; a read that hangs in a driver is left behind after ``wait_s``."""
+        """Release the camera; a read that hangs in a driver is abandoned after ``wait_s``."""
         self._stop.set()
         self._thread.join(wait_s)
 
@@ -190,7 +190,7 @@ class LiveSource:
 
     @property
     def health(self) -> Health:
-        """State of this moment; silence is judged by the clock, also while the driver hangs."""
+        """State now; silence is measured by the clock, even while the driver hangs."""
         health, now = replace(self._health, dropped=self._queue.dropped), time.monotonic()
         if health.status == "starting" and now - self._begin_s > self._start_s:
             message = f"no whole picture in {now - self._begin_s:.0f} s: is the stream slow or cut, the camera busy?"

@@ -1,4 +1,4 @@
-"""What a Video4Linux camera can do, asked of the driver itself by ioctl (no streaming, the camera may be in use).
+"""Modes of a Video4Linux camera, from its driver by ioctl (without streaming, so that it may be in use).
 
 Source: Linux media API, struct layouts of <linux/videodev2.h> (UAPI, stable): VIDIOC_QUERYCAP, VIDIOC_ENUM_FMT,
 VIDIOC_ENUM_FRAMESIZES, VIDIOC_ENUM_FRAMEINTERVALS. Units: pixels, frames per second.

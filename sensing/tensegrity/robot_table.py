@@ -1,4 +1,4 @@
-"""One table of ``robot.toml``: values by key; what is missing, unknown or of another form is refused in one line."""
+"""One table of ``robot.toml``: values by key; missing, unknown or malformed ones are refused in one line."""
 
 from __future__ import annotations
 

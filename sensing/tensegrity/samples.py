@@ -1,4 +1,4 @@
-"""What the sensors of the robot report, one record a sample (s, m, rad, N, N m); times are capture times, one clock."""
+"""Samples of the robot's sensors, one record each (s, m, rad, N, N m); times are capture times on one clock."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ STEP = 1e-10  # m and rad; shorter ones end the search
 
 @dataclass(frozen=True)
 class Shape:
-    """Where the bars are, and what the cables do there.
+    """Poses of the bars and forces of the cables.
 
     Attributes:
         T_world_bar: (B, 4, 4) m.

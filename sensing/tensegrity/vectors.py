@@ -21,7 +21,7 @@ def cross(a: Iterable[float], b: Iterable[float]) -> Array:
 
 
 def minus_cross(arm: Iterable[float]) -> Array:
-    """(3, 3) matrix of -arm x: what a small turn about the origin does to a point at the arm.
+    """(3, 3) matrix of -arm x: derivative of a point at the arm by a small rotation about the origin.
 
     Args:
         arm: (3,).

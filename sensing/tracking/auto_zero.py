@@ -17,7 +17,7 @@ MOST_UNSEEN_ANEW = 0.04  # E: share of the dots that a new reference may lack of
 
 
 class AutoZero:
-    """Says when a new reference may be taken unasked: only after a long time without any contact, and with drift.
+    """Decides when a new reference may be taken automatically: after a long time without contact, and with drift.
 
     Args:
         zero: the reference in use.

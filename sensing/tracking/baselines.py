@@ -84,7 +84,7 @@ class DisField:
 
 
 class LucasKanadeField:
-    """Pyramidal Lucas-Kanade of the dots on raw images from the reference, no judgement, same field operator.
+    """Pyramidal Lucas-Kanade of the dots on raw images from the reference, without outlier test, same field operator.
 
     Args:
         reference: undeformed picture.

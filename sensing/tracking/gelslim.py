@@ -142,7 +142,7 @@ def pooled_flow(
 def derived_channels(
     u: NDArray[np.floating], v: NDArray[np.floating], names: tuple[str, ...]
 ) -> dict[str, NDArray[np.floating]]:
-    """Those of div, curl and the Helmholtz parts that ``names`` asks for, per cell.
+    """The channels of div, curl and the Helmholtz parts that ``names`` lists, per cell.
 
     Args:
         u, v: (H, W) each.

@@ -23,7 +23,7 @@ def known_methods() -> tuple[str, ...]:
 
 
 class FieldMethod(Protocol):
-    """Frames in, fields out; keeps what it must remember of the frames before."""
+    """Interface of a field method: computes fields from frames in order, and keeps the state that it needs."""
 
     def update(self, frame: Frame) -> ShearField:
         """Field of one frame."""

@@ -1,4 +1,4 @@
-"""The one path from a picture to what a wrench model reads: dots tracked, seen through the nominal camera, on a grid.
+"""From a picture to the input of a wrench model: tracked dots, mapped to the nominal camera, on a grid.
 
     seen = model_input(reference, model.shape, model.design)
     seen = model_input(reference, model.shape, model.design, MountedCamera.load("camera.json"), model.radial)
@@ -148,7 +148,7 @@ class ModelInput:
         return np.vstack([to_cells @ part for part in np.split(moved, 2)])
 
     def seen(self, pixels: Array, raised_mm: float = 0.0) -> Array:
-        """(N, 2) where the nominal camera sees what the real one sees at (N, 2); NaN beyond the view.
+        """(N, 2) pixels of the nominal camera for pixels (N, 2) of the real one; NaN beyond the view.
 
         Args:
             pixels: (N, 2) of the real one.

@@ -41,7 +41,7 @@ LEAST_DOTS_OF_CAMERA = 20  # for seven motions
 
 
 class MotionKind(Enum):
-    """What a motion of all dots is."""
+    """Kind of a common motion of all dots."""
 
     NONE = "none"
     MOUNTING = "mounting"
@@ -91,7 +91,7 @@ class CommonMotion:
 
 
 def beyond_noise_px(residual_px: float, error_px: float) -> float:
-    """What the third largest motion that a fit leaves has beyond the dots' noise.
+    """Excess of the third largest residual of a fit over the noise of the dots, px.
 
     Args:
         residual_px: left by the fit.
@@ -149,7 +149,7 @@ def _moved_camera(tracks: DotTracks, alike: CommonMotion, motions: CameraMotions
 
 
 class MountingWatch:
-    """Says that camera or lens have moved since the reference, once a picture without a touch has shown it.
+    """Detects that camera or lens have moved since the reference, from a picture without a touch.
 
     A touch hides it, so the last picture without one counts until the next. A picture says nothing while most dots are
     hidden: few dots move as one beside any touch. The dots are those of one reference.

@@ -272,7 +272,7 @@ def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:
 
 
 def frame_size(frame: Frame) -> tuple[int, int]:
-    """(width, height) in full-size pixels; decodes the frame if it does not say."""
+    """(width, height) in full-size pixels; decodes the frame if its size is unknown."""
     if frame.size is not None:
         return frame.size
     gray = decode_gray(frame)

@@ -77,7 +77,7 @@ class Zero:
 
     @property
     def params(self) -> EndcapParams | None:
-        """The design; None where nobody has said."""
+        """The design; None where it is unknown."""
         return None if self.made_of is None else self.made_of.design
 
     @property
@@ -92,7 +92,7 @@ class Zero:
 
 @dataclass(frozen=True)
 class Drift:
-    """What has changed since the reference was taken.
+    """Drift since the reference was taken.
 
     Attributes:
         cause: ``none``, ``lamp``, ``mounting``, ``hidden`` (dots of the reference are not seen) or ``contact``; a later
@@ -164,7 +164,7 @@ def _error_px(noise_px: NDArray[np.float64], frames: int) -> float:
 
 
 def _averaged(frames: Sequence[Frame]) -> Image:
-    """(H, W, 3) mean of pictures, of which no more than one is held at a time.
+    """(H, W, 3) mean of pictures; only one is decoded at a time.
 
     Raises:
         ZeroError: sizes that differ.
@@ -254,7 +254,7 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
 def measure_drift(
     zero: Zero, frame: Frame, tracks: DotTracks, gray: Image | None = None, motion: CommonMotion | None = None
 ) -> Drift:
-    """What has changed between the reference and a frame with its tracks.
+    """Drift between the reference and a frame with its tracks.
 
     Args:
         zero: the reference.

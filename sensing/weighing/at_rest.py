@@ -48,7 +48,7 @@ class Rest:
     readings: int
 
     def less(self, untouched: Rest) -> Rest:
-        """Without what the untouched endcap reads: lamp, mounting or its own weight since the reference."""
+        """This interval minus the reading of the untouched endcap: lamp, mounting or own weight since the reference."""
         return replace(self, wrench=self.wrench - untouched.wrench)
 
 

@@ -70,7 +70,7 @@ class Dwell:
 
     @property
     def left_share(self) -> float:
-        """What the terms leave of the creep, both without the noise of single readings; 0 is a perfect fit."""
+        """Part of the creep that the terms leave unexplained, without the noise of single readings; 0 is a perfect fit."""
         creep, left = (math.sqrt(max(n**2 - self.noise_n**2, 0.0)) for n in (self.before_n, self.after_n))
         return left / creep if creep else 1.0
 
@@ -212,7 +212,7 @@ def _system(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tu
 def _significant(
     time_s: Array, force_n: Array, dwell: NDArray, after: NDArray, taus_s: tuple[float, ...]
 ) -> tuple[Term, ...]:
-    """Terms over their deviations; the weaker one goes first."""
+    """The terms with a significant strength; the weakest of the others is removed first."""
     taus = list(taus_s)
     while taus:
         curves = unit_overstress(time_s, force_n, taus)

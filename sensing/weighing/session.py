@@ -1,4 +1,4 @@
-"""Weighing an endcap while it runs: what is shown, what is asked, what is refused. N, g, s.
+"""Guided weighing of a running endcap: prompts, readings and refusals. N, g, s.
 
     poses = weigh_live(endcap, Terms(tilt_deg=0.0), ask, say)
 
@@ -56,7 +56,7 @@ class Terms:
             )
 
     def request(self, words: str) -> PoseRequest:
-        """A pose with a weight as it is typed."""
+        """The pose and weight that the user typed."""
         return PoseRequest(parse_weight_g(words, self.gravity_m_s2), self.tilt_deg, self.azimuth_deg, self.sd_g)
 
 
@@ -78,7 +78,7 @@ class Listener:
             self._watch.add(reading)
 
     def anew(self) -> None:
-        """Forget what was seen."""
+        """Forget all readings."""
         with self._lock:
             self._watch = RestWatch(self._load_scale)
 
@@ -94,7 +94,7 @@ class Listener:
 
 
 def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pose]:
-    """Guide through as many poses as the user wants; one that is refused can be tried again.
+    """Guide through any number of poses; a refused one can be repeated.
 
     Args:
         endcap: not yet started, without a gain.
@@ -162,7 +162,7 @@ def _await_reference(endcap: LiveEndcap) -> None:
 
 
 def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:
-    """An interval at rest; shows what is waited for while a terminal looks."""
+    """Wait for an interval at rest; a terminal shows the reason of the wait."""
     end_s = time.monotonic() + REST_S
     while True:
         time.sleep(POLL_S)

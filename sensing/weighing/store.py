@@ -9,7 +9,7 @@ from sensing.live.core.config import EndcapConfig
 
 
 def gain_entries(endcap: EndcapConfig, gain: float, sd: float, digest: str) -> dict[str, Any]:
-    """What a weighing changes of an endcap.
+    """Entries of an endcap that a weighing changes.
 
     Args:
         endcap: as it is in the file.

@@ -1,4 +1,4 @@
-"""What the uncertainty of the camera's calibration adds to the covariance of a wrench.
+"""Covariance of a wrench due to the uncertainty of the camera's calibration.
 
     spread = CameraSpread(seen, model, camera)                  # once, at the start
     covariance = model.estimate(field).covariance + spread.covariance(tracks)

@@ -140,7 +140,7 @@ class ContactDetector:
         self._since_s = float("nan")
 
     def update(self, wrench: Wrench) -> ContactState:
-        """Judge one frame; a wrench that is not finite changes nothing and says so."""
+        """State of contact after one frame; a wrench that is not finite leaves it unchanged and unknown."""
         force = math.sqrt(float(wrench.force_n @ wrench.force_n))
         known = math.isfinite(force)
         limit = self.threshold.off_n if self.touching else self.threshold.on_n
@@ -152,7 +152,7 @@ class ContactDetector:
 
 
 def autocorrelation_time(series: NDArray[np.float64]) -> float:
-    """Number of consecutive samples that are worth one independent one, at least 1.
+    """Integrated autocorrelation time: consecutive samples per independent sample, at least 1.
 
     Notes:
         1 + 2 sum of the autocorrelation up to the first window of five times itself (Sokal 1997,

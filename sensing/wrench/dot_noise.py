@@ -1,4 +1,4 @@
-"""What the camera's noise adds to the covariance of a wrench, beyond the noise that the training had.
+"""Covariance of a wrench due to camera noise beyond that of the training data.
 
     covariance = model.estimate(field).covariance + noise_covariance(seen, model, zero.error_px)    # once a reference
 

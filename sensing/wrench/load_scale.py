@@ -27,7 +27,7 @@ def load_scale(wall_mm: float, shear_mpa: float) -> float:
 
 
 def recorded_shear_mpa(made_of: Identity | None) -> float:
-    """Shear modulus of the silicone of an endcap; that of the default one where its file does not say it.
+    """Shear modulus of the silicone of an endcap, MPa; that of the default silicone where its file has none.
 
     Args:
         made_of: what the endcap is made of.

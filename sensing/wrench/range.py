@@ -1,4 +1,4 @@
-"""What the training of a wrench model covered, and how far a field or a contact lies outside of it."""
+"""Limits of the training data of a wrench model, and the distance of a field or contact from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NORMAL_95 = 1.959964  # half width of the 95 % interval in standard deviations
 
 @dataclass(frozen=True)
 class Range:
-    """What the training data covered.
+    """Limits of the training data.
 
     Attributes:
         distance: largest norm of the whitened principal part.

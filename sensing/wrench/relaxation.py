@@ -1,4 +1,4 @@
-"""Rate effects behind the estimate: what the silicone bears beyond its long-term stress while it still relaxes.
+"""Correction of rate effects: the force of the silicone beyond its long-term stress while it relaxes.
 
     rate = RateFilter((Term(0.054, 0.1, 0.01), Term(0.033, 1.0, 0.01)))
     step = rate.step(estimate)          # step.wrench is corrected; nothing is remembered yet
@@ -99,7 +99,7 @@ class RateFilter:
         self._overstress = np.zeros((len(terms), 6))
 
     def step(self, wrench: Wrench) -> RateStep:
-        """The corrected wrench; one that is not finite, flagged "missing" or no newer than the last stays as it is."""
+        """The corrected wrench; one that is not finite, flagged "missing" or no newer than the last is unchanged."""
         if not len(self._tau):
             return RateStep(wrench, wrench.time_s, None, self._overstress)
         value = np.concatenate([wrench.force_n, wrench.torque_nm])

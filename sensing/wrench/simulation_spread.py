@@ -1,4 +1,4 @@
-"""What weights that learned from simulated frames cannot know of a real shell, as a covariance of the wrench.
+"""Covariance of a wrench due to differences between simulated shells, as in training, and real ones.
 
     covariance = model.estimate(field).covariance + simulation_spread(force_n)
 

@@ -30,7 +30,7 @@ class Stiffness:
     sd: float = 0.0
 
     def applied(self, wrench: Wrench) -> Wrench:
-        """The wrench of a model, for this silicone; the very same record for a gain of exactly one."""
+        """The wrench of a model, for this silicone; the same record for a gain of exactly one."""
         if self.gain == 1.0 and self.sd == 0.0:
             return wrench
         value = np.concatenate([wrench.force_n, wrench.torque_nm])
@@ -40,7 +40,7 @@ class Stiffness:
 
 
 def shear_mpa_of(estimator: object) -> float:
-    """Shear modulus of the silicone that a model learned on; that of the default one for models that do not say it."""
+    """Shear modulus of the silicone that a model was trained on, MPa; of the default one for models without it."""
     return estimator.shear_mpa if isinstance(estimator, WrenchModel) else silicone().neo_hooke().shear_mpa
 
 

@@ -25,7 +25,7 @@ BESIDE = frozenset({*PATTERN, *RADIAL})  # no parts of the network
 
 
 def pattern_of(weights: dict[str, NDArray[np.float32]]) -> Array:
-    """(D, K) fields that principal parts stand for; of weights that do not say it, the smallest fields with them.
+    """(D, K) fields of the principal parts; for weights without them, the fields of least norm with these parts.
 
     Args:
         weights: tensors by name.
@@ -45,7 +45,7 @@ def onset_n_of(weights: dict[str, NDArray[np.float32]]) -> float:
 
 
 def tracking_of(weights: dict[str, NDArray[np.float32]]) -> Array:
-    """(6,) standard deviations, N and N m, that tracking adds to answers under load; 0 of weights that do not say it.
+    """(6,) standard deviations, N and N m, that tracking adds under load; 0 for weights without them.
 
     Args:
         weights: tensors by name.
@@ -54,7 +54,7 @@ def tracking_of(weights: dict[str, NDArray[np.float32]]) -> Array:
 
 
 def radial_of(weights: dict[str, NDArray[np.float32]]) -> Array | None:
-    """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm; None of weights that do not say it.
+    """(H W, 2 H W) radial displacement of the skin in the cells by the field, mm/px; None for weights without it.
 
     Args:
         weights: tensors by name.

@@ -1,4 +1,4 @@
-"""Files of weights: those that ship, those that `sensing.train --design` wrote for this user, and what is in one."""
+"""Files of weights: those that ship, those that `sensing.train --design` wrote, and their format."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Tensors and what is known of them, of a file of this toolkit's format; nothing is unpickled.
+    """Tensors and metadata of a file in this toolkit's format; nothing is unpickled.
 
     Raises:
         FileError: the file is missing, damaged, of another kind, or a checkpoint of PyTorch.

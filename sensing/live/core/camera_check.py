@@ -1,4 +1,4 @@
-"""Which camera an endcap's pictures are read with, what its uncertainty does to wrenches, what the reference lacks.
+"""Check of an endcap's camera: which one is used, how its uncertainty widens the covariance, doubts of the reference.
 
 Looked at once a reference. An endcap without a calibration file is read with the camera that its rest picture shows
 (:mod:`sensing.calibration.rest_camera`), and the command that keeps it is named. Where no camera can be found, or the
@@ -73,7 +73,7 @@ class CameraCheck:
             self._noise = noise_covariance(seen, estimator, zero.error_px)
 
     def widened(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
-        """The wrench, about the sphere's centre, with what the camera and its noise add to its covariance."""
+        """The wrench, about the sphere's centre, with the covariance due to the camera and its noise added."""
         unknown = self._noise if self._spread is None else self._noise + self._spread.covariance(tracks)
         return replace(wrench, covariance=wrench.covariance + unknown)
 

@@ -1,4 +1,4 @@
-"""What runs live: the endcaps, their cameras and references, as ``endcaps.toml`` says it.
+"""Configuration of a run: endcaps, their cameras and references, as in ``endcaps.toml``.
 
     model = "default"                   # or "paper"
     weights = ""                        # a file; empty for what ships with the toolkit
@@ -196,7 +196,7 @@ class EndcapConfig:
 
     @property
     def weighed(self) -> str:
-        """How it was calibrated by weight, in words; empty where it was not."""
+        """Result of the calibration by weight, in words; empty without one."""
         if self.gain == 1.0 and self.gain_sd == 0.0:
             return ""
         date = self.gain_date and f" on {self.gain_date[:10]}"
@@ -205,7 +205,7 @@ class EndcapConfig:
 
 @dataclass(frozen=True)
 class LiveConfig:
-    """All endcaps and what they share.
+    """Configuration of all endcaps of a run.
 
     Attributes:
         endcaps: at least one, names differ.
@@ -278,7 +278,7 @@ def _camera_of(source: str) -> str:
 
 
 def dots_of(params: EndcapParams) -> dict[str, Any]:
-    """The dots of a design as an endcap's entries say them."""
+    """Entries of an endcap that describe the dots of its design."""
     own = params.option_words.get("dots", "")
     return {"dots": own, "dot_mm": params.dot_mm}
 

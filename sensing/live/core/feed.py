@@ -22,7 +22,7 @@ ROOM = 4  # frames that a file may be ahead
 
 
 class Feed(Protocol):
-    """What the engine asks for frames."""
+    """Interface through which the engine takes frames."""
 
     @property
     def health(self) -> Health:
@@ -89,7 +89,7 @@ class CameraFeed:
             self._live.stop()
 
     def close(self, wait_s: float = 2.0) -> None:
-        """Let the camera go; a driver that hangs is left behind after ``wait_s``."""
+        """Release the camera; a driver that hangs is abandoned after ``wait_s``."""
         if self._live is not None:
             self._live.close(wait_s)
 
@@ -109,7 +109,7 @@ class Pace:
         self._lock = threading.Lock()
 
     def due_s(self, time_s: float) -> float:
-        """Due time; the first moment asked for is due now."""
+        """Due time, s, on this run's clock; the first moment is due now."""
         now_s = time.monotonic()
         if self._speed == 0:
             return now_s
@@ -146,7 +146,7 @@ class FileFeed:
 
     @property
     def damage(self) -> str:
-        """What of the file could not be read; empty where all could, or as long as it is read."""
+        """Part of the file that could not be read, one line; empty where there is none, and until its end."""
         return self._health.message if self._health.status == "ended" else ""
 
     def start(self, notify: Callable[[], None]) -> None:
@@ -187,7 +187,7 @@ class FileFeed:
         self._notify()
 
     def _pump(self) -> str:
-        """All frames; returns what the source says at its end, one line, or nothing."""
+        """Queue all frames; returns the source's note at its end, one line, or ""."""
         source = self._open()
         for frame in source:
             due_s = self._pace.due_s(frame.time_s)

@@ -1,4 +1,4 @@
-"""Compiled loops of :mod:`sensing.live.core.gate`: in numpy their small steps cost twenty times what they compute."""
+"""Compiled loops of :mod:`sensing.live.core.gate`: in numpy, their small calls cost twenty times the arithmetic."""
 
 # mypy: ignore-errors
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What an endcap keeps of the frames before when tracker, filter and contact begin anew with the same reference.
+"""State that an endcap keeps when tracker, filter and contact restart with the same reference.
 
 Most of it comes from the last frame without a touch. A restart while something touches (a recording begins, the clock
 is set, a camera comes back) would lose them until the endcap is let go, and each wrench until then would be wrong. A
@@ -33,7 +33,7 @@ class Kept:
     touching: bool = False
 
     def text(self) -> str:
-        """As JSON, from which :func:`kept_of` reads the very same numbers."""
+        """As JSON, from which :func:`kept_of` reads exactly the same numbers."""
         return json.dumps(asdict(self))
 
 

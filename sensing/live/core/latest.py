@@ -1,4 +1,4 @@
-"""The newest reading of every endcap, for whoever looks now and then: terminal, page, robot state."""
+"""The newest reading of every endcap, for readers that poll: terminal, page, robot state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the reference was taken under load: the endcap, let go, then looks as if it were pulled.
+"""Detects a reference that was taken under load: the released endcap then appears to be pulled.
 
     watch = LoadWatch(model.estimator)
     watch.update(field, estimate, touching)         # now and then; watch.reason says so

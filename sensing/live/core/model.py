@@ -1,4 +1,4 @@
-"""Field to wrench by the name of a model, behind one small interface; heavy libraries load only for the model asked.
+"""Wrench models by name, behind one small interface; heavy libraries are imported only for the models that need them.
 
 ``default`` ships with the toolkit (dots, numpy only). ``paper`` is the released network on the released field; its
 checkpoint is the authors' and has to be given. Forces in N; wrenches about the sphere's centre.

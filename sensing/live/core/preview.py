@@ -1,4 +1,4 @@
-"""What is shown of an endcap that gives no number: its newest picture, the dots that can be found in it, and the light.
+"""Preview of an endcap without valid numbers: its newest picture, the dots found in it, and the light.
 
 This is what is needed while focus and lamp are adjusted, before there is any reference. Finding dots costs 20 ms, so it
 is done a few times a second at most, and only while somebody looks.

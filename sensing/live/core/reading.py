@@ -1,4 +1,4 @@
-"""What one frame of one endcap gave: the record that goes to every output.
+"""The reading, result of one frame of one endcap: the record that every output takes.
 
 Times are seconds of the monotonic clock. Wrenches act on the endcap, at the origin of the endcap frame.
 """

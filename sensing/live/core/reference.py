@@ -37,7 +37,7 @@ _ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
 
 
 class PressedError(ZeroError):
-    """A reference that looks pressed; it can be taken all the same when the user confirms."""
+    """A reference that looks pressed; it is taken if the user confirms it."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Reference:
 
 @dataclass(eq=False)
 class _Request:
-    """What was asked for, with the frames collected for it."""
+    """A request for a reference, with the frames collected for it."""
 
     confirmed: bool
     frames: list[Frame] = field(default_factory=list)
@@ -108,13 +108,13 @@ class ReferenceTaker:
                 self.pressed, self.reason = False, "taking a new reference: leave it untouched"
 
     def ask_again(self) -> None:
-        """Begin anew after a refusal, unless somebody has asked since."""
+        """Repeat the request after a refusal, unless there is a newer one."""
         with self._lock:
             if self._request is None:
                 self._request = _Request(False)
 
     def cancel(self) -> bool:
-        """Forget what was asked for (any thread); whether anything was that has not been taken over yet."""
+        """Cancel a request (any thread); returns whether there was one whose reference is not in use yet."""
         with self._lock:
             asked = self._request is not None or self._made is not None
             self._request, self._made, self.reason = None, None, ""
@@ -192,7 +192,7 @@ class ReferenceTaker:
 
 
 def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: EndcapParams | None = None) -> float:
-    """Force that the picture of a new reference shows against the last, without what the mounting explains.
+    """Force between a new reference and the last one, N, without the motion that the mounting explains.
 
     Args:
         before: method set up with the last reference; it starts anew.

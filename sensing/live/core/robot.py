@@ -1,4 +1,4 @@
-"""What the endcaps of one robot say together: which touch, since when, and whether their forces carry the weight.
+"""State of a robot from all its endcaps: which touch, since when, and whether their forces add up to the weight.
 
 Robot frame (``T_robot_endcap`` of each endcap); N, s. The force sum needs no attitude: its norm is that of the weight
 while nothing accelerates and nothing but the endcaps touches the ground.

@@ -27,7 +27,7 @@ class Pictures(StrEnum):
 
 @dataclass(frozen=True)
 class SeenFrame(Frame):
-    """What was seen in a picture; ``image`` and ``jpeg`` may both be missing, ``size`` is that of the picture itself.
+    """A recorded frame with the dots seen in it; ``image`` and ``jpeg`` may both be missing, ``size`` is the picture's.
 
     Attributes:
         rows: (N, 4) x, y (full-size pixels), quality, and 1 for lost, of the dots of the reference.

@@ -16,7 +16,7 @@ LAST_S = 0.2  # for the reading under way and the end of a file
 
 
 class Sink(Protocol):
-    """What the engine asks of an output."""
+    """Interface of an output for the engine."""
 
     def put(self, reading: EndcapReading) -> None:
         """Take one reading; must return at once."""
@@ -67,7 +67,7 @@ class QueuedSink:
         return not self._thread.is_alive()
 
     def close(self, wait_s: float = 5.0) -> None:
-        """Write what is queued, then end; after ``wait_s`` the rest is dropped and counted, and the output ends."""
+        """Write the queued readings, then end; after ``wait_s`` the rest is dropped and counted."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -95,7 +95,7 @@ class QueuedSink:
         """End of the output, in its thread, also after a failure."""
 
     def admit(self, reading: EndcapReading) -> bool:
-        """Whether to queue a reading; counts what is lost. Called with the queue locked, must not wait."""
+        """Whether to queue a reading; counts lost ones. It is called with the queue locked and must not wait."""
         self.dropped += self._full
         return True
 

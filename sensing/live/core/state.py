@@ -17,7 +17,7 @@ NOTE_S = 10.0  # an answer to a request is shown for this long
 
 
 class State(StrEnum):
-    """What an endcap is doing; the value is the word that users read."""
+    """State of an endcap; the value is the word that users read."""
 
     STARTING = "starting"
     WAITING = "waiting for a reference"
@@ -35,7 +35,7 @@ class State(StrEnum):
 
 
 class Event(StrEnum):
-    """What one frame, the clock or the source has shown."""
+    """Event of a frame, the clock or the source, which may change the state."""
 
     GOOD = "good"  # a wrench without flags
     FLAGGED = "flagged"  # a wrench to be used with care

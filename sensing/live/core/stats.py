@@ -110,7 +110,7 @@ class EndcapStats:
         undoable: bool = False,
         fresh: bool = False,
     ) -> EndcapHealth:
-        """State now, from this and from what source, machine and pipeline say.
+        """State now, from these statistics and the states of source, machine and pipeline.
 
         Args:
             source, condition, faults, zeroed, confirmable, undoable: of source, machine and pipeline.
@@ -158,7 +158,7 @@ class EndcapStats:
 
 
 def _drift(reading: EndcapReading) -> str:
-    """What has changed since the reference; a sag is no touch."""
+    """Cause of the drift since the reference; a sag under the own weight does not count as a touch."""
     if reading.drift is None:
         return ""
     cause: str = reading.drift.cause

@@ -48,7 +48,7 @@ def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE
 
 @lru_cache(maxsize=1)
 def scene_start_s() -> float:
-    """When the scene began, common to its cameras: with the first picture that one of them is asked for.
+    """Start time of the scene, common to its cameras: that of the first picture which any of them takes.
 
     It begins at rest, for the references; what is compiled between opening a camera and reading it may take longer.
     """

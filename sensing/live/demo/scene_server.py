@@ -53,7 +53,7 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
                 return  # the reader has gone
 
         def log_message(self, format: str, *args: object) -> None:
-            """Quiet."""
+            """Log nothing."""
 
     Handler.do_GET.__doc__ = "One camera for as long as it is read."
     try:

@@ -47,6 +47,6 @@ class IndexOnDisk:
         builder.write(self._file.read())
 
     def close(self) -> None:
-        """Let the file go, and what it has not written yet: on a full disk that would be an error of nothing lost."""
+        """Release the file and drop unwritten entries, which are not needed but would raise on a full disk."""
         with contextlib.suppress(OSError):
             self._file.close()

@@ -21,7 +21,7 @@ NO_FRAMES = {State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED}
 
 
 class JsonLines(QueuedSink):
-    """Writes to a stream; a reader that went away ends it without noise (``failed`` says so).
+    """Writes JSON lines to a stream; a closed reader ends it without an error message and sets ``failed``.
 
     Args:
         stream: where.
@@ -40,7 +40,7 @@ class JsonLines(QueuedSink):
 
     @property
     def loss(self) -> str:
-        """What is missing in the stream, in one line; empty if nothing is, or if its reader has left."""
+        """Lines that are missing in the stream, in words; empty if there is none, or if the reader has closed it."""
         if self.failed and self.failed != os.strerror(errno.EPIPE):
             return f"--json: stopped after {self.lines} lines ({self.failed})"
         return f"--json: {self.dropped} readings lost to a slow reader" if self.dropped and not self.failed else ""

@@ -1,4 +1,4 @@
-"""Lines for a terminal or a pipe, written by a thread of their own: whoever does not read them holds nothing up."""
+"""Lines for a terminal or a pipe, written by a thread of their own, so that a slow reader delays nothing else."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Lines:
         self._thread.start()
 
     def isatty(self) -> bool:
-        """Whether somebody looks."""
+        """Whether the stream is a terminal."""
         return self._tty
 
     def write(self, text: str) -> int:
@@ -44,7 +44,7 @@ class Lines:
         """Nothing: every text is flushed when it is written."""
 
     def close(self, wait_s: float = 0.25) -> None:
-        """Write what is queued; gives up after ``wait_s``."""
+        """Write the queued lines; gives up after ``wait_s``."""
         try:
             self._texts.put_nowait(None)
         except queue.Full:

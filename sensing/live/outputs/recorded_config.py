@@ -1,4 +1,4 @@
-"""What a recording says of its run: the configuration, and the files that it needs, carried along.
+"""Description of a run in its recording: the configuration, and copies of the files that it needs.
 
 A recording never names a path to be opened: weights and camera files are attachments of the MCAP file, checked by
 their SHA-256, and are read from copies in the user's cache folder that have the digest as their name.

@@ -1,4 +1,4 @@
-"""What a recording without (whole) pictures holds of every frame, as ROS 2 messages; both directions.
+"""Dots of every frame in recordings without full pictures, to and from ROS 2 messages.
 
 ``tracks`` (std_msgs/Float64MultiArray): the likeness of the picture with the reference, then a row of x, y, quality
 and lost for every dot; numbers as they were computed, so that a replay gives the same bits. ``refused``
@@ -75,7 +75,7 @@ def refusal_of(message: Any) -> Verdict:
 
 
 def half_picture(frame: Frame) -> bytes:
-    """JPEG of half the width and height; as it is, if it was made lighter before; empty for one that cannot be read."""
+    """JPEG of half the width and height; unchanged if already halved; empty if it cannot be read."""
     if isinstance(frame, SeenFrame):
         return frame.jpeg or b""
     try:

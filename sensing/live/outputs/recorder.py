@@ -209,7 +209,7 @@ class Recorder(QueuedSink):
         return False
 
     def close(self, wait_s: float = 5.0) -> None:
-        """Write what is queued and the end of the file; gives up after ``wait_s``."""
+        """Write the queued readings and the end of the file; gives up after ``wait_s``."""
         super().close(wait_s)
         if not self.ended:
             self.failed = self.failed or "the disk did not answer in time"
@@ -234,7 +234,7 @@ class Recorder(QueuedSink):
                     let_go()
 
     def _add_picture(self, reading: EndcapReading, stamp: int) -> None:
-        """What a replay begins with: the picture, or the dots seen in it."""
+        """Write the input of a replay: the picture, or the dots seen in it."""
         if self.pictures is Pictures.FULL:
             data, form = ros.picture_bytes(reading.frame)
             self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.endcap), stamp)

@@ -1,4 +1,4 @@
-"""Start and stop a recording while it runs, and say how it goes; names are chosen here, never by whoever asks."""
+"""Starts and stops recordings during a run and reports their state; file names are chosen here, never by a viewer."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Recording:
         return "; ".join(each.note for each in recorders if each.failed or each.dropped)
 
     def state(self) -> dict[str, Any]:
-        """For the page: what is recorded, how large it is and how long the disk lasts; sizes in MB of 10^6 bytes."""
+        """State for the page: file, its size, and the time for which the disk lasts; sizes in MB of 10^6 bytes."""
         now_s, recorder = time.monotonic(), self._recorder
         if now_s > self._sizes[0] + LOOK_S:
             with contextlib.suppress(OSError):  # a disk that is gone says so when it is written to
@@ -131,7 +131,7 @@ class Recording:
             self._finish()
 
     def switch(self, on: bool, pictures: Pictures | None = None) -> str:
-        """Start or stop, whichever is asked for; what is so already stays. Returns the state in one line."""
+        """Start or stop, unless it is already so; returns the state in one line."""
         try:
             if on:
                 self.start(pictures=pictures)

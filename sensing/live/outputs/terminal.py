@@ -1,4 +1,4 @@
-"""Numbers in the terminal: one quiet line an endcap, rewritten in place; only changes where it is no terminal."""
+"""Numbers in the terminal: one line per endcap, rewritten in place; without a terminal, changes only."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Terminal:
         robot: RobotState,
         notes: Sequence[str],
     ) -> None:
-        """Rewrite all lines, or print what has changed.
+        """Rewrite all lines, or print the changes.
 
         Args:
             healths: of all endcaps.

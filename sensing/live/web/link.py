@@ -1,4 +1,4 @@
-"""What the run and the page's process say to one another, over a pair of sockets; standard library only.
+"""Messages between the run and the process of the page, over a pair of sockets; standard library only.
 
 The page's process sends lines: ``look 0 2``, or one of the viewers' words with the number of an endcap, the time (ms)
 of the state that the viewer saw, a whole number and, for a note, its text, percent-encoded: ``replay_seek 0 81234
@@ -38,7 +38,7 @@ LONGEST_LINE = 64 + 12 * NOTE_CHARACTERS  # a character is at most four bytes, e
 
 @dataclass(frozen=True)
 class Press:
-    """What a viewer asks for.
+    """A request of a viewer.
 
     Attributes:
         word: of :data:`WORDS`.
@@ -71,7 +71,7 @@ def message(kind: bytes, data: bytes, endcap: int = 0) -> bytes:
 
 
 def parse_request(text: str, endcaps: int) -> Press | None:
-    """A viewer's message; None for no request. The word ``show`` asks for nothing but a look."""
+    """The request in a viewer's message; None if there is none. ``show`` requests the newest numbers only."""
     try:
         request = json.loads(text)
     except (ValueError, RecursionError):
@@ -86,7 +86,7 @@ def parse_request(text: str, endcaps: int) -> Press | None:
 
 
 def parse_line(line: bytes, endcaps: int) -> list[int] | Press | None:
-    """Numbers of the endcaps to look at, or what a viewer asks for, from a line of the page's process; else None."""
+    """Numbers of the endcaps to show, or a viewer's request, from a line of the page's process; else None."""
     word, *rest = line.decode("ascii", "replace").split() or [""]
     numbers = [int(n) for n in rest[: 3 if word in WORDS else None] if n.isdecimal() and n.isascii() and len(n) < 16]
     if word == "look":

@@ -149,7 +149,7 @@ class PageServer:
         self._link.sendall(message(STATE, _plain(state(self._run, self._recording))))
 
     def _press(self, press: Press) -> None:
-        """A button, on what was seen lately."""
+        """Carry out a pressed button, if the viewer's picture was recent."""
         name, playback = self._run.config.endcaps[press.endcap].name, self._run.playback
         if not is_fresh(press.seen_ms, time.monotonic()):
             return

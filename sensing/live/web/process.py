@@ -165,7 +165,7 @@ class Link:
 
 
 def build_app(run: Link, port: int) -> Starlette:
-    """The application, as it is served on a port."""
+    """The web application of the page."""
     viewers, cookie = _Viewers(), COOKIE.format(port)
 
     async def socket_(websocket: WebSocket) -> None:

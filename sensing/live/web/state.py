@@ -1,4 +1,4 @@
-"""What the page gets, as plain JSON: everything once at the start, then the newest numbers whenever it asks."""
+"""Content of the page as plain JSON: all once at the start, then the newest numbers on request."""
 
 from __future__ import annotations
 

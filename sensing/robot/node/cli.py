@@ -51,7 +51,7 @@ SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what the options ask for; returns the exit status."""
+    """Run the command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
         if options.no_page and options.port is not None:
@@ -148,7 +148,7 @@ def _close(shown: Sequence[RobotPage | RobotTopics], recorder: RobotRecorder | N
 
 
 class _Losses:
-    """Outputs that stopped: a line of each, said at once."""
+    """Outputs that stopped: one line for each, printed at once."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -208,7 +208,7 @@ def _wrench_sd(options: argparse.Namespace) -> tuple[float, float] | None:
 
 
 def _shown(options: argparse.Namespace, robot: TensegrityRobot, wall_ns: int | None) -> list[RobotPage | RobotTopics]:
-    """Page and topics, as far as they are asked for; the page is not started yet."""
+    """Page and topics that the options name; the page is not started yet."""
     from sensing.robot.node.page import RobotPage
     from sensing.robot.node.ros_topics import RobotTopics
 

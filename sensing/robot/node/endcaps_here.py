@@ -56,7 +56,7 @@ class EndcapsHere:
         self._engine.start()
 
     def close(self) -> None:
-        """Let go of them."""
+        """Release the endcaps."""
         self._engine.close(CLOSE_S)
 
     def put(self, reading: EndcapReading) -> None:

@@ -111,11 +111,11 @@ class LiveRobot:
                 self._here.close()
 
     def truth(self, _: float) -> Array | None:
-        """Nobody knows."""
+        """None: the true pose of a real robot is unknown."""
         return None
 
     def _take_best_effort(self) -> None:
-        """Ask no more than a publisher offers: DDS connects a reliable reader to none that is of best effort."""
+        """Request best effort where a publisher offers no more: DDS connects no reliable reader to it."""
         for place, (topic, kind, name, reader) in enumerate(self._readers):
             if reader.get_requested_incompatible_qos_status().total_count:
                 self._readers[place] = topic, kind, name, self._reader(topic, kind, reliable=False)
@@ -141,7 +141,7 @@ class LiveRobot:
             LOG.warning(f"estimates come {took_s:.1f} s late: this computer has too little time for them")
 
     def _waiting(self) -> list[Sample]:
-        """What has come since the last look, by time: one topic's newest would make the others' samples too late."""
+        """Samples since the last call, by time: taken topic by topic, the newest of one would make others late."""
         self._follow_clock()
         waiting: list[Sample] = [] if self._here is None else list(self._here.samples())
         for topic, kind, name, reader in self._readers:

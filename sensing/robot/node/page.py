@@ -82,7 +82,7 @@ class RobotPage:
         """Nothing."""
 
     def report(self, report: Report) -> None:
-        """The newest; what is drawn of the past is kept here."""
+        """Take the newest estimate; the path that is drawn is kept here."""
         self._report, estimate = report, report.estimate
         if estimate.time_s < self._next_s:
             return
@@ -95,7 +95,7 @@ class RobotPage:
             self._drift.append([estimate.time_s, drift, spread])
 
     def state(self) -> dict[str, Any] | None:
-        """What is drawn; None before the first estimate."""
+        """Content of the drawing; None before the first estimate."""
         report = self._report
         if report is None:
             return None

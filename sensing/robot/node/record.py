@@ -1,4 +1,4 @@
-"""An estimate as plain words and numbers: lines of JSON, what a recording is compared by, what the page draws."""
+"""An estimate as plain words and numbers, for lines of JSON, comparisons with recordings, and the page."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Report:
 
 
 def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
-    """All that the estimate says; arrays as lists, NaN as None (m, s, N, rad)."""
+    """The whole estimate; arrays as lists, NaN as None (m, s, N, rad)."""
     return {
         "time_s": estimate.time_s,
         "measured_s": estimate.measured_s,
@@ -99,7 +99,7 @@ def report_text(report: Report, robot: TensegrityRobot) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Lists and floats; None for what is no finite number."""
+    """Lists and floats; None for a number that is not finite."""
     values = np.asarray(value, float)
     if values.ndim:
         return [_plain(each) for each in values]

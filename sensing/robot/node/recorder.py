@@ -94,7 +94,7 @@ class RobotRecorder:
 
     @property
     def note(self) -> str:
-        """What the file holds, in one line."""
+        """Content of the file, in one line."""
         what = f"{self.path}: {self.samples} samples and {self.reports} estimates recorded"
         return f"{what}, then stopped ({self.failed})" if self.failed else what
 

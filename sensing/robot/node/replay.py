@@ -31,7 +31,7 @@ NEEDED = "no estimate without the lengths of the cables"
 
 @dataclass
 class Outcome:
-    """What a replay found.
+    """Result of a replay.
 
     Attributes:
         samples: number of samples read.

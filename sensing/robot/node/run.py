@@ -39,7 +39,7 @@ class RobotSource(Protocol):
         ...
 
     def truth(self, time_s: float) -> Array | None:
-        """(B, 4, 4) m where the bars truly are, in a world of its own; None where nobody knows."""
+        """(B, 4, 4) m true poses of the bars, in a world frame of their own; None where they are unknown."""
         ...
 
 
@@ -107,7 +107,7 @@ def run_robot(
     source: RobotSource, estimator: RobotEstimator, outputs: Sequence[Output], stopped: Callable[[], bool],
     lost: Callable[[str], object] = LOG.error, silent_s: float = math.inf,
 ) -> int:  # fmt: skip
-    """Until the source ends or somebody stops it; returns the number of reports.
+    """Run until the source ends or is stopped; returns the number of reports.
 
     Args:
         source: of samples.

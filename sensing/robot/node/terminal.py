@@ -15,7 +15,7 @@ SETTLE_S = 0.5  # in which every stream reports at least once
 
 
 class RobotTerminal:
-    """Writes a line a second, and what is unusual when it begins.
+    """Writes one line a second, and a line at the start of each fault.
 
     Args:
         lines: where.
@@ -32,7 +32,7 @@ class RobotTerminal:
         self.last: Report | None = None
 
     def sample(self, sample: Sample) -> None:
-        """Nothing: what it changes is in the next report."""
+        """Do nothing: the next report shows the effect of the sample."""
 
     def report(self, report: Report) -> None:
         """A line, if one is due."""

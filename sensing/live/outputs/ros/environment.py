@@ -41,7 +41,7 @@ def domain_id(given: int | None = None, environment: Mapping[str, str] = os.envi
 
 
 def dds_configuration(environment: Mapping[str, str] = os.environ) -> str | None:
-    """What Cyclone DDS is to be configured with; None where nothing was asked for.
+    """Configuration of Cyclone DDS from ROS's variables; None where they are not set.
 
     Raises:
         ParameterError: a discovery range that ROS does not know.

@@ -187,7 +187,7 @@ class RosTopics(QueuedSink):
         self._transforms.write(dds.encoded(messages.TRANSFORMS, messages.transforms(children, time.time_ns())))
 
     def _look(self) -> None:
-        """The state of all endcaps, also while no frame comes; and whether somebody looks at the pictures."""
+        """Publish the state of all endcaps, also without frames; note whether the pictures have subscribers."""
         writer = self._diagnostics
         if writer is None:
             return
@@ -217,7 +217,7 @@ def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, A
 
 
 def open_participant(domain: int | None = None) -> tuple[Any, Any]:
-    """(participant of the domain, what keeps its configuration), on the network that ROS's variables ask for.
+    """(participant of the domain, owner of its configuration), on the network that ROS's variables name.
 
     Raises:
         ParameterError: a domain outside 0..232, or DDS is not installed or finds no network.

@@ -1,4 +1,4 @@
-"""The simulator's facade: a scene and a path in, states out, at the level asked for (mm, N, N mm; endcap frame).
+"""The simulator's facade: states of a scene along a path, at a chosen level (mm, N, N mm; endcap frame).
 
     simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), level=2)
     scene = Scene(Indenter(tilt_deg=30), friction=0.5)

@@ -1,4 +1,4 @@
-"""What a simulation is asked and what it answers, whatever level does (mm, N, N mm; endcap frame, azimuth 0)."""
+"""Records of a simulation at any level: the scene, and its states (mm, N, N mm; endcap frame, azimuth 0)."""
 
 from __future__ import annotations
 

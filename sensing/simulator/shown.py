@@ -1,4 +1,4 @@
-"""What a camera sees move where a dot's outline moves: its mean in the picture, as a displacement of the dot.
+"""Displacement of a dot as a camera sees it: the mean motion of its outline in the picture.
 
 A tracked window follows the outline in the picture. Its mean there is not the picture of its mean: a fisheye lens
 bends, and a ring that comes nearer or tilts looks otherwise. Of the fields this makes 0.1 % at 10 to 40 N.

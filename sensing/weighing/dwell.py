@@ -70,7 +70,7 @@ class Dwell:
 
     @property
     def left_share(self) -> float:
-        """Part of the creep that the terms leave unexplained, without the noise of single readings; 0 is a perfect fit."""
+        """Part of the creep that the terms leave unexplained, single readings' noise excluded; 0 is perfect."""
         creep, left = (math.sqrt(max(n**2 - self.noise_n**2, 0.0)) for n in (self.before_n, self.after_n))
         return left / creep if creep else 1.0
 

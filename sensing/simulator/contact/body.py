@@ -1,4 +1,4 @@
-"""What a rigid body is to the contact kernels: a kind, a radius, a point and an axis (mm, at its first touch)."""
+"""Rigid bodies as the contact kernels take them: kind, radius, point and axis (mm, at first touch)."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class ContactSurface:
     tangential_mpa_mm: float
 
     def quadrature(self) -> contact_kernels.Quadrature:
-        """What the kernels need of it."""
+        """The arrays that the kernels take."""
         return contact_kernels.Quadrature(self.nodes, self.shape, self.area, self.normal_mpa_mm, self.tangential_mpa_mm)
 
 

@@ -57,7 +57,7 @@ class Friction(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What the kernel fills: forces, tangents and the state of every Gauss point (see ``ContactResponse``)."""
+    """Output arrays of the kernel: forces, tangents and the state of every Gauss point (see ``ContactResponse``)."""
 
     force: Array
     stiffness: Array

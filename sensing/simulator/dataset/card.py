@@ -1,4 +1,4 @@
-"""The card of a data set (``croissant.json``, Croissant 1.0): what it holds, how it was made, its files with digests.
+"""The card of a data set (``croissant.json``, Croissant 1.0): content, origin, and files with digests.
 
 Croissant is JSON-LD on the words of schema.org; search engines for data sets and ``mlcroissant`` read it. Shards are
 NumPy archives, which the format has no reader for: their columns are described as variables, not as record sets.

@@ -88,7 +88,7 @@ def _option(
     parser: argparse.ArgumentParser, name: str, kind: Callable[[str], object], text: str, flag: str = "",
     choices: tuple[object, ...] = (),
 ) -> None:  # fmt: skip
-    """One field of the request, its default said in the help."""
+    """Add an option for one field of the request; the help states its default."""
     default = next(field.default for field in fields(DataRequest) if field.name == name)
     said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
     parser.add_argument(
@@ -98,7 +98,7 @@ def _option(
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write what was asked for and say what lies there."""
+    """Write the data set and print a summary."""
     request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
     folder = options.out or Path(EXPORTS) / f"data_{request.params.label}_{request.protocol}_{request.seed}"
     written = write_dataset(request, folder, options.workers, options.scheduler, options.states)

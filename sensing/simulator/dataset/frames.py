@@ -38,7 +38,7 @@ PATHS_A_SEED = 1 << 32  # and paths kept apart for each seed
 
 @dataclass(frozen=True)
 class Studio:
-    """What all shards of a request share: the shell and, unless pictures are off, the renderer."""
+    """Objects that all shards of a request share: the shell and, unless pictures are off, the renderer."""
 
     simulator: Simulator
     renderer: DomeRenderer | None

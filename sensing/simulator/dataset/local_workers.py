@@ -40,7 +40,7 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
     with _one_thread_each(), _interrupted_between() as interrupted:
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
-            with _deaf_children():
+            with _children_ignoring_interrupts():
                 for _ in range(workers):  # nobody is idle yet: each starts one
                     pool.submit(os.getpid)
             let_a_cut_result_end(pool)
@@ -80,8 +80,8 @@ def _interrupted_between() -> Iterator[list[int]]:
 
 
 @contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Processes started inside do not hear Ctrl-C from their first instruction; this one hears it at the end.
+def _children_ignoring_interrupts() -> Iterator[None]:
+    """Processes started in this context ignore SIGINT from their first instruction; this process handles it at the end.
 
     Until :func:`_follow_parent` runs, a worker imports modules for a second, and would end in a traceback.
     """

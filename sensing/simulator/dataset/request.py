@@ -1,4 +1,4 @@
-"""What a data set is made of: everything that decides its numbers and pictures, and nothing that does not."""
+"""The request of a data set: all options that decide its numbers and pictures, and no others."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors d
 
 @dataclass(frozen=True)
 class DataRequest:
-    """What a data set is made of; equal requests give equal data.
+    """Request of a data set; equal requests give equal data.
 
     Attributes:
         frames: least number of labelled frames (whole paths and scenes of a robot are kept, so a few more).
@@ -139,7 +139,7 @@ class DataRequest:
         _ = self.params, self.settings, self.prony
 
     def _require_protocol(self) -> None:
-        """Refuse what a protocol cannot give."""
+        """Refuse options that a protocol does not have."""
         if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
             raise ParameterError(
                 f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "

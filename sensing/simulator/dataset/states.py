@@ -1,4 +1,4 @@
-"""A loading path to solved states, at the level asked for; what the simulator refuses is listed, never lost.
+"""Solves the states of a loading path at the requested level; refused states are listed.
 
 All states are at azimuth 0 (N, mm, N mm, endcap frame). A simulator with rate effects follows the path's clock, and
 once touched the shell is solved in the clear, too, because it comes back slowly and remembers.

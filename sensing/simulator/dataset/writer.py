@@ -96,7 +96,7 @@ def shard_path(folder: Path, number: int) -> Path:
 
 
 def refusals(folder: Path) -> list[str]:
-    """What the simulator refused, one line each, over all shards."""
+    """One line for each state that the simulator refused, over all shards."""
     lines: list[str] = []
     for path in shard_files(folder):
         with np.load(path, allow_pickle=False) as archive:
@@ -124,7 +124,7 @@ def _job(request: DataRequest, number: int, paths: list[LoadPath], stored: Path 
 
 @contextmanager
 def _cluster(address: str) -> Iterator[None]:
-    """Joblib's work goes to a Dask cluster inside this context."""
+    """In this context, joblib sends its work to a Dask cluster."""
     try:
         from distributed import Client
     except ImportError:
@@ -146,7 +146,7 @@ def _cluster(address: str) -> Iterator[None]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """One writer a folder; the lock goes with the process, however it ends."""
+    """Lock of the folder for one writer; it is released when the process ends."""
     try:
         stream = hold_lock(folder / ".lock")
     except BlockingIOError:
@@ -201,7 +201,7 @@ def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
 
 
 def _manifest(request: DataRequest) -> dict[str, Any]:
-    """What a request is, as it reads in a file."""
+    """The request as it is written into the manifest."""
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
     wanted |= {"shards": len(request.shards()), "identity": request.identity.record()}
     return dict(json.loads(json.dumps(wanted)))

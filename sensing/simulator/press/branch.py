@@ -1,4 +1,4 @@
-"""Leaving an unstable equilibrium: the shell that buckles goes on along its softest mode (N, mm).
+"""Branch switching at an unstable equilibrium: a shell that buckles follows its softest mode (N, mm).
 
 A symmetric press of a thin shell has equilibria past its buckling load that no real shell shows. Newton finds them; the
 negative pivots of their tangent give them away. The configuration is pushed a little along the eigenvector of the

@@ -61,7 +61,7 @@ class StoredTangent:
 
 
 class PatchInverse(Protocol):
-    """What a step needs to know of the solid: see :class:`sensing.simulator.press.secant.SecantInverse`."""
+    """Interface to the inverse of the solid's tangent: see :class:`sensing.simulator.press.secant.SecantInverse`."""
 
     tangent: StoredTangent
     compliance: Array

@@ -90,7 +90,7 @@ class FrozenPress:
         return self.tangents[-1]
 
     def _inverse(self, tangent: StoredTangent) -> SecantInverse:
-        """What is known of a tangent's inverse; a full one begins anew."""
+        """The secant inverse of a stored tangent; a full one is reset."""
         known = self._inverses.get(id(tangent))
         if known is None or known.full:
             known = self._inverses[id(tangent)] = SecantInverse(tangent)

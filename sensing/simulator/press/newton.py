@@ -109,7 +109,7 @@ def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solutio
 
 
 def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: Array) -> tuple[Array, float]:
-    """First guess of a step from a converged state: the body's travel (3,) enters linearly, so nothing is rammed.
+    """First guess of a step from a converged state: the linear response to the body's travel (3,).
 
     Args:
         problem: the step; its ``shift_mm`` must still be that of the converged state.

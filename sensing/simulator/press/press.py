@@ -145,7 +145,7 @@ class Press:
         return displacement, depth_travel + state.depth_mm if given else depth
 
     def _first_depth(self, state: State, target: Target) -> float:
-        """Guess of the depth: given, or the last one and the force still missing over a stiffness."""
+        """First guess of the depth: the given one, or the last one plus the missing force over a stiffness."""
         if target.depth_mm is not None:
             return target.depth_mm
         assert target.normal_n is not None

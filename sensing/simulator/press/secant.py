@@ -1,4 +1,4 @@
-"""The inverse of the elastic tangent along a path: a stored inverse and what the passes since have taught (N, mm).
+"""The inverse of the elastic tangent along a path: a stored inverse with secant updates from the passes since (N, mm).
 
 Symmetric rank-one updates (Conn, Gould, Toint 1991, doi:10.1007/BF01594934): a pass that moved by s and found the
 internal force changed by y corrects H to H + w w' / (w' y), w = s - H y, so that H y = s. The patch compliance

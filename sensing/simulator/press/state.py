@@ -1,4 +1,4 @@
-"""What one equilibrium is: displacement, contact, wrench and the certificate that it is one (mm, N, N mm, MPa).
+"""Records of one equilibrium: displacement, contact, wrench and its certificate (mm, N, N mm, MPa).
 
 The wrench is the one that the body exerts ON the endcap, at the origin of the endcap frame.
 """
@@ -18,7 +18,7 @@ from sensing.simulator.solid.shell import ShellModel
 
 
 class Refusal(EndcapError):
-    """The simulator will not answer, and says why.
+    """The simulator refuses a state that it cannot solve reliably; the message gives the reason.
 
     Attributes:
         reason: ``path`` (a path that the model does not cover), ``unconverged``, ``unstable`` (no stable equilibrium

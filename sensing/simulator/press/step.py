@@ -1,4 +1,4 @@
-"""Records of one step of a press: what is to be solved, a configuration on the way, and the solution (N, mm)."""
+"""Records of one step of a press: the problem, an iterate, and the solution (N, mm)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNKNOWN_PIVOTS = -1  # of a level that factorises no tangent of its own
 
 @dataclass(frozen=True)
 class StepProblem:
-    """One step: the model, the body's place, what friction remembers, and the force asked for.
+    """One step: the model, the body's place, the memory of friction, and the target force.
 
     Attributes:
         model, body: shell and body.

@@ -1,4 +1,4 @@
-"""Whether a converged state lies within what the model covers: the body outside, on enough points, off the rim.
+"""Validity of a converged state: the body outside the shell, on enough Gauss points, away from the rim.
 
 A residual of zero does not say so. A small body that a step moves by more than its radius can stand beyond the surface,
 where it presses nothing or presses outward; the force of one between two points of contact is too low; one on the

@@ -1,4 +1,4 @@
-"""What a loading path is: the frames of one approach of the plane, in order (N, mm, s, degrees)."""
+"""Loading paths: the frames of one approach of the plane, in order (N, mm, s, degrees)."""
 
 from __future__ import annotations
 

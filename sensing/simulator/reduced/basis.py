@@ -150,7 +150,7 @@ def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> l
 def reduced_model(
     model: ShellModel, states: list[State], modes: int = MODES, cubature_error: float = CUBATURE_ERROR
 ) -> ReducedModel:
-    """Modes and cubature from states; ``estimate_factor`` is infinite until it was judged.
+    """Modes and cubature from states; ``estimate_factor`` is infinite until the model is tested.
 
     Args:
         model: the shell.

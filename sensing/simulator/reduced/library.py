@@ -174,7 +174,7 @@ class Library:
 
 
 def shell_key(geometry: ShellGeometry, law: HyperelasticLaw) -> Array:
-    """What a library belongs to (6,): diameter, wall, C10, C20, C30, bulk."""
+    """(6,) parameters of a library's shell: diameter, wall, mm; C10, C20, C30, bulk modulus, MPa."""
     return np.array(
         [2 * geometry.outer_radius_mm, geometry.wall_mm, law.c10_mpa, law.c20_mpa, law.c30_mpa, law.bulk_mpa]
     )

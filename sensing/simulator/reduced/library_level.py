@@ -1,4 +1,4 @@
-"""Level 4: what a library can answer of a scene, and what it must leave to the level below (mm, N, N mm, degrees)."""
+"""Level 4: states from a library, where it covers a scene; others are left to level 2 (mm, N, N mm, degrees)."""
 
 from __future__ import annotations
 

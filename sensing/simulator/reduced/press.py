@@ -100,7 +100,7 @@ class ReducedPress:
         return self.fast.advance(state, target)
 
     def attempt(self, state: State, target: Target) -> tuple[State, float] | None:
-        """Level 3's own answer, whatever it is worth, and its indicator |H r| / |u|; None where there is none."""
+        """Solution of level 3 without a check, and its error indicator |H r| / |u|; None where there is none."""
         solid = self.press.model.solid
         step = _Step(self.reduced, self.press.problem(state, target))
         found = step.solve(self.reduced.modes.T @ solid.gather(state.displacement), state, target)
@@ -169,7 +169,7 @@ class _Step:
         return None
 
     def _predicted(self, weights: Array, state: State, target: Target) -> _Point | None:
-        """Linear guess from the last state: the body moves as it will, the shell follows on its tangent."""
+        """Linear first guess from the last state: response of the shell's tangent to the travel of the body."""
         given = target.depth_mm is not None
         depth_travel = target.depth_mm - state.depth_mm if target.depth_mm is not None else 0.0
         travel = self.problem.frame @ np.array(
@@ -238,7 +238,7 @@ def _learned(tangent: Array, moved: Array, changed: Array) -> Array:
 
 
 def trained(model: ShellModel, indenter: Indenter, states: int = STATES, modes: int = MODES) -> ReducedModel:
-    """Reduced model of a shell under a body: trained on level 2 along winding paths, judged along another.
+    """Reduced model of a shell under a body: trained on level 2 along winding paths, tested along another.
 
     Args:
         model: the shell.

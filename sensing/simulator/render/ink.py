@@ -1,4 +1,4 @@
-"""What a hand leaves in the dents: ink with its dark edge, ink beside them, smears, specks and letters.
+"""Hand-painted ink in the dents: its dark edge, spills, smears, specks and letters.
 
 Shapes are drawn in the tangent plane of each dot (mm); every dot has its own random numbers, so that one knob does not
 change the others' dots. Amounts were set against the released photos (M: areas, spread and grey of the dots by eye and
@@ -37,7 +37,7 @@ def dent(canvas: Canvas, at: Array, radius_mm: float, depth_mm: float) -> None:
 
 
 def ink_dot(canvas: Canvas, at: Array, radius_mm: float, paint: Paint, rng: np.random.Generator, smeared: bool) -> None:
-    """Fill a dent, with what ran over its edge and what a sleeve dragged along.
+    """Fill a dent, with ink spilled over its edge and smeared by a sleeve.
 
     Args:
         canvas: painted on.

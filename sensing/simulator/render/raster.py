@@ -1,4 +1,4 @@
-"""Rasteriser: which point of the surface each pixel sees, with a depth test, so folds hide what is behind them.
+"""Rasteriser: the point of the surface that each pixel sees, with a depth test for folds.
 
 Triangles are drawn straight between their projected corners; what the fisheye bends in between is part of the mesh
 error measured in bench/bench_render.py (0.01 px at the default mesh). One core, compiled by numba.

@@ -1,4 +1,4 @@
-"""What a rendered frame looks like: paint, light, lens and sensor, with the random seed that fixes all of it.
+"""Settings of a rendered frame: paint, light, lens and sensor, with the seed of its random numbers.
 
 Lengths in mm, pixels at the height of the rendered frame divided by 480 (so a setting means the same at any size),
 radiance such that sunlit white silicone would be 1. Defaults reproduce the released photos; the letters are those of

@@ -108,7 +108,7 @@ class Film:
         return len(self.moments)
 
     def jpeg(self, endcap: int, tick: int) -> bytes:
-        """What an endcap's camera sees."""
+        """The picture of an endcap's camera."""
         moment = self.moments[tick % self.ticks]
         return self.pictures[_key(self.scene, endcap, moment, tick)]
 

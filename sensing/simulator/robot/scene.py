@@ -118,7 +118,7 @@ def solve_scene() -> RobotScene:
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """What is to be solved: three stands, and how the endcaps are screwed on."""
+    """Plan of a scene: three stands, and the azimuths of the endcaps."""
 
     stands: tuple[Stand, ...]
     T_robot_endcap: Array

@@ -1,4 +1,4 @@
-"""What the written file does in MuJoCo: force by depth, tilt and carried mass, its sensors' signs, creep (N, mm, kg).
+"""Measures a written model in MuJoCo: force by depth, tilt and carried mass, signs of sensors, creep (N, mm, kg).
 
 The endcap stands still in its own axes; the ground is a plane that touches it at a tilt, and gravity pulls toward it.
 The endcap slides along the plane's normal, loaded slowly through a body that it carries.

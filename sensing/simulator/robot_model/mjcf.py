@@ -56,7 +56,7 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Bodies:
-    """What is rigid, and what moves with the contact; together the whole endcap."""
+    """Inertias of the rigid part and of the part that moves with the contact; together the whole endcap."""
 
     base: Inertial
     shell: Inertial

@@ -1,4 +1,4 @@
-"""What two shells must share to be scaled copies of one another, and the units of what they then share.
+"""Similarity of shells: the dimensionless numbers that scaled copies share, and the units for scaling.
 
 A quasi-static shell of one hyperelastic law has no length and no stress of its own but the outer radius R and the shear
 modulus mu. Two shells with equal wall / R, clamp / R, Poisson's ratio, tilt and friction are copies: displacements go

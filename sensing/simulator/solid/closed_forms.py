@@ -1,4 +1,4 @@
-"""Level 0: what the back of an envelope says about a pressed dome, and where it stops being true (N, mm, MPa).
+"""Level 0: closed forms for a pressed dome, and their limits of validity (N, mm, MPa).
 
 All forms are for the intact sphere, small strain, no friction; each names its validity range. The simulator's tests and
 report measure how far they are from the full model.

@@ -23,7 +23,7 @@ from sensing.simulator.solid.mesh import HexMesh
 
 @dataclass(frozen=True)
 class ElementData:
-    """What the kernels need of the undeformed mesh.
+    """Data of the undeformed mesh for the kernels.
 
     Attributes:
         gradient: shape gradients by reference position (e, 27 points, 27 nodes, 3), 1/mm.
@@ -113,7 +113,7 @@ class Prestress:
 
 
 def prestress(stress: Array, data: ElementData) -> Prestress:
-    """What a symmetric second Piola-Kirchhoff stress (e, 27, 3, 3), MPa, does to the elements."""
+    """Forces and tangents of the elements under a symmetric second Piola-Kirchhoff stress (e, 27, 3, 3), MPa."""
     count, points = data.weight.shape
     weighted = np.ascontiguousarray((stress * data.weight[..., None, None]).transpose(0, 2, 3, 1))  # (e, j, k, point)
     pulled = np.einsum("eajq,ejkq->eakq", data.rows.reshape(count, 27, 3, points), weighted)  # grad N_a . Q

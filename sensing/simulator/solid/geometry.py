@@ -21,7 +21,7 @@ MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # of R: thinner wants shell elements
 
 @dataclass(frozen=True)
 class ShellGeometry:
-    """A clamped spherical shell; walls that cannot be molded (T < 6.5) are accepted: physics can be asked of them.
+    """A clamped spherical shell; walls too thin to mold (T < 6.5 mm) are accepted, as they can be simulated.
 
     Attributes:
         outer_radius_mm: radius R of the outer surface.

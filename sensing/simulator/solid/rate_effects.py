@@ -29,7 +29,7 @@ Prony = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class ViscousHistory:
-    """What the material remembers: H (terms, e, 27, 3, 3) and S_inf (e, 27, 3, 3) of the last step, MPa."""
+    """History variables of the material: H (terms, e, 27, 3, 3) and S_inf (e, 27, 3, 3) of the last step, MPa."""
 
     overstress: Array
     isochoric: Array

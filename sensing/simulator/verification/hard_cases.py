@@ -110,7 +110,7 @@ CASES: tuple[HardCase, ...] = (
 
 
 def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
-    """Follow a case on a half model and judge every state."""
+    """Follow a case on a half model and check every state."""
     law = silicone().neo_hooke(case.poisson)
     model = shell_model(shell_geometry(case.diameter_mm, case.wall_mm), law, density, half=True)
     press = Press(model, case.indenter, case.friction)

@@ -96,7 +96,7 @@ def _bar(robot: TensegrityRobot, number: int, pose: Array, dome: Dome) -> str:
 
 
 def _without_shells(bar: Bar, places: list[Array], shell_kg: float) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it of what is left of a bar when its shells are bodies of their own."""
+    """Mass, centre of mass and inertia about it of a bar without its shells, which are bodies of their own."""
     mass = bar.mass_kg - shell_kg * len(places)
     if mass <= 0:
         raise _no_body(bar, len(places), shell_kg)
@@ -112,7 +112,7 @@ def _without_shells(bar: Bar, places: list[Array], shell_kg: float) -> tuple[flo
 
 
 def _no_body(bar: Bar, shells: int, shell_kg: float) -> ParameterError:
-    """What is said of a bar of which its shells leave nothing that moves."""
+    """The error for a bar whose stated mass or inertia is less than that of its shells."""
     return ParameterError(
         f'bar "{bar.name}": its mass_kg = {bar.mass_kg:g} and inertia_kg_m2 are less than those of the {shells} '
         f"simulated domes on it, {shell_kg:g} kg each: give those of all that is screwed to it, endcaps included",

@@ -1,4 +1,4 @@
-"""What the cameras of a robot's endcaps see during a run: a picture for every frame, of the dome as it is pressed.
+"""Pictures of the cameras of a robot's endcaps during a run, one of the pressed dome for every frame.
 
     sensor = WalkSensor(simulator, number=101)
     rest = [sensor.picture(None, noise) for noise in range(10)]

@@ -1,4 +1,4 @@
-"""What the robot's sensors report of a simulated run: noise, biases, rates and delays of real parts.
+"""Samples of the robot's sensors in a simulated run, with noise, biases, rates and delays of real parts.
 
     arrivals = sensor_stream(walk, robot, SensorSet(), seed=1)       # in the order in which they arrive
     for arrival in arrivals: estimator.take(arrival.sample)

@@ -30,7 +30,7 @@ PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25
 
 
 class Terrain(Enum):
-    """What the robot meets."""
+    """Terrains that the robot walks on."""
 
     FLAT = "flat"
     ROUGH = "rough"

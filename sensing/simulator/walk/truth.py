@@ -1,4 +1,4 @@
-"""What a simulated run truly was, sample by sample, and its file."""
+"""True states of a simulated run, sample by sample, and their file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.err
 
 @dataclass(frozen=True)
 class Walk:
-    """A run; B bars, E endcaps, C cables, N samples, world axes (z up) unless said.
+    """A run; B bars, E endcaps, C cables, N samples; world axes (z up) unless stated.
 
     Attributes:
         terrain, seed, friction: of the run.

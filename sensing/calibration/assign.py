@@ -1,8 +1,8 @@
-"""Which dot of the pattern is which blob of a photo.
+"""Assignment of the blobs in a photo to the dots of the pattern.
 
-The assignment needs no start: candidate tips and azimuths are scored with rings 0 to 3, the fit then grows ring by
-ring, and of the turns of the pattern that look alike it takes the best (:mod:`sensing.calibration.turns`). Unpainted
-dots are simply not found; specks, digits and smears find no partner.
+The assignment needs no first guess: candidate tips and azimuths are scored with rings 0 to 3, the fit then grows ring
+by ring, and among rotations under which the pattern looks the same the best is taken
+(:mod:`sensing.calibration.turns`). Unpainted dots are left out; specks, digits and smears get no partner.
 """
 
 from __future__ import annotations

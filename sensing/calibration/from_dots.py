@@ -3,9 +3,9 @@
 The dots alone cannot separate the camera's height from its lens: on the axis of a sphere any height fits with some
 radial function r(theta) (moving the pupil 35 mm changes the residual of the released photos by 2 %). So calibration
 from dots is a maximum-posterior fit with stated priors (:mod:`sensing.calibration.prior`), every number is reported
-with its posterior deviation beside its prior's, and the covariance of all goes with the camera. Nothing is changed that
-the dots do not call for: a camera as designed stays exactly that, a lens the released one, unless the evidence is
-against it. A board calibration determines the lens: use it here with ``--lens``.
+with its posterior and prior standard deviations, and the covariance is stored with the camera. The simpler hypothesis
+is kept unless the evidence is against it: a camera exactly as designed, or the released lens. A board calibration
+determines the lens: use it here with ``--lens``.
 
 Endcap and camera frames as in :mod:`sensing.camera.model`; lengths in mm, pixels in px.
 """
@@ -41,18 +41,18 @@ LEAST_SPACING_PX = 1.0  # between neighbours, the usual distance; a dot itself i
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibrated camera and how good it is.
+    """A calibrated camera with its uncertainty and residuals.
 
     Attributes:
         mounted: camera, pose and their covariance.
         residual_px: (n, 2) predicted minus found, for the matched dots.
-        pattern_index: (n,) which dot of ``cad.dots.dot_pattern`` each residual belongs to.
-        blob_index: (n,) which blob of ``found_px`` it is.
-        found_px: (m, 2) all blobs.
-        values: parameter name -> (value, posterior deviation, prior deviation; ``inf`` where free, 0 where held).
-        scatter: of the dots, over that of hand-painted ones.
-        probabilities: of the hypotheses by name, most probable first; empty where a prior or a lens was given.
-        log_evidence: of the dots, up to a constant of the dots alone.
+        pattern_index: (n,) dot of ``cad.dots.dot_pattern`` of each residual.
+        blob_index: (n,) blob of ``found_px`` of each residual.
+        found_px: (m, 2) all blobs, px.
+        values: parameter name -> (value, posterior standard deviation, prior one; ``inf`` where free, 0 where held).
+        scatter: scatter of the dots over that of hand-painted ones.
+        probabilities: probability of each hypothesis by name, largest first; empty where a prior or a lens was given.
+        log_evidence: logarithm of the evidence, up to a constant that depends on the dots alone.
     """
 
     mounted: MountedCamera
@@ -67,12 +67,12 @@ class Calibration:
 
     @property
     def matched_px(self) -> Array:
-        """(n, 2) where the matched dots were found."""
+        """(n, 2) found pixels of the matched dots."""
         return self.found_px[self.blob_index]
 
     @property
     def strays(self) -> int:
-        """How many blobs are no dot of the pattern."""
+        """Number of blobs that are not a dot of the pattern."""
         return len(self.found_px) - len(self.blob_index)
 
     @property
@@ -87,7 +87,7 @@ class Calibration:
 
     @property
     def most_px(self) -> float:
-        """Distance of predicted and found dots that nine of ten keep."""
+        """90th percentile of the distance of predicted and found dots."""
         return float(np.quantile(np.linalg.norm(self.residual_px, axis=1), 0.9))
 
     @property
@@ -128,8 +128,8 @@ def calibrate_from_dots(
         lens: intrinsics to hold fixed, for example from a board; only the pose is then fitted.
         azimuth_hint_deg: expected turn of the camera about its axis, because patterns repeat: the released one after
             180 degrees.
-        near: a camera that may see the dots about on their places: no search where it sees nearly all of them there,
-            a third less work; a dot between two places may find another partner then.
+        near: first guess of the camera. Where nearly all dots lie near its predictions there is no search, which takes
+            a third less time; a dot between two predictions may then be matched with another one.
 
     Raises:
         CalibrationError: pattern not recognised, too few dots, or most of them twice.

@@ -4,15 +4,15 @@
     seen = model_input(reference, model.shape, model.design, MountedCamera.load("camera.json"), model.radial)
     wrench = model.estimate(seen.update(frame))
 
-Training, evaluation, live, replay and the benches all go through :class:`ModelInput`, so that a model is never asked
-about a field that was made in another way than those it learned from. Only the dots' positions enter. The stretch that
-a window measures does not: a glint that half covers a dot imitates it.
+Training, evaluation, live, replay and the benches all use :class:`ModelInput`, so that a model never gets a field that
+was computed in another way than in training. Only the positions of the dots are used, not the stretch that a window
+measures, because a glint that half covers a dot looks like stretch.
 
-Hand assembly turns a camera by degrees and shifts it by half a millimetre; the same deformation then looks otherwise,
-and the wrench comes out in the camera's axes. A calibrated camera (:mod:`sensing.calibrate`) gives the ray of each
-pixel, hence its place on the undeformed inner sphere; from there the nominal camera is a projection away. Dots leave
-the sphere as the skin is pressed, by what the field itself says; :mod:`sensing.tracking.parallax` takes that out.
-Without a calibrated camera the nominal one is assumed. Full-size pixels; fields in pixels of the 200 x 200 crop.
+Hand assembly turns a camera by degrees and shifts it by half a millimetre; the same deformation then gives another
+picture, and the wrench would be in the camera's axes. A calibrated camera (:mod:`sensing.calibrate`) gives the ray of
+each pixel, hence its point on the undeformed inner sphere, which the nominal camera projects. A pressed skin leaves the
+sphere by a distance that the field determines; :mod:`sensing.tracking.parallax` subtracts the effect of it. Without a
+calibrated camera the nominal one is assumed. Full-size pixels; fields in pixels of the 200 x 200 crop.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from sensing.tracking.parallax import radial_at_dots
 from sensing.tracking.tracker import DotTracker, TrackerConfig
 
 Array = NDArray[np.float64]
-STEP_MM = 0.05  # of the sphere's radius, to either side: derivative of the view
+STEP_MM = 0.05  # step of the sphere's radius, to either side, in the numerical derivative of the view
 
 
 class ModelInput:
-    """Frames in, the fields that a wrench model reads out.
+    """Computes the fields that a wrench model takes, from frames.
 
     Args:
         tracker: follows the dots against the undeformed reference.
         shape: (H, W) of the field, the model's.
-        params: the endcap.
-        camera: the one built in, as calibrated; None takes the nominal one.
-        radial: (H W, 2 H W) radial displacement of the skin by the field, of the weights
-            (:attr:`sensing.wrench.model.WrenchModel.radial`); None leaves the parallax of the camera in.
+        params: design of the endcap.
+        camera: calibrated camera of the endcap; None takes the nominal one.
+        radial: (H W, 2 H W) radial displacement of the skin by the field, mm/px, of the weights
+            (:attr:`sensing.wrench.model.WrenchModel.radial`); None does not correct the camera's parallax.
 
     Raises:
         ParameterError: a camera of another picture size than the reference.
@@ -58,7 +58,7 @@ class ModelInput:
         self._camera, self._params, self._size = camera, params, tracker.size
         self._nominal = nominal_mount(params, *tracker.size)
         place = self.seen(tracker.reference_px)
-        self._known = np.isfinite(self._on_skin(place)).all(axis=1)  # a blob beyond the lens's view is no dot
+        self._known = np.isfinite(self._on_skin(place)).all(axis=1)  # a blob outside the lens's view is not a dot
         self._place = place[self._known]
         self._operator = field_operator(self._place, tracker.size, shape)
         self._radial = None if radial is None else radial_at_dots(radial, self._operator, self._place, tracker.size)
@@ -85,15 +85,15 @@ class ModelInput:
         return self.tracker.track(gray, time_s)
 
     def motion(self, tracks: DotTracks) -> Array:
-        """(n, 2) how far the :attr:`known` dots have moved in the nominal camera's view; NaN beyond it."""
+        """(n, 2) displacement of the :attr:`known` dots in the nominal camera's view, px; NaN beyond it."""
         return self.seen(tracks.position_px[self._known]) - self._place
 
     def field(self, tracks: DotTracks, without: Array | None = None) -> ShearField:
         """Third step of :meth:`update`: field of the tracks; all invalid while every dot is lost.
 
         Args:
-            tracks: of the frame.
-            without: (n, 2) motion of the known dots in the nominal view that is taken out.
+            tracks: dots of the frame.
+            without: (n, 2) displacement of the known dots in the nominal view, px, that is subtracted.
         """
         moved = self.motion(tracks)
         moved = np.where(np.isfinite(moved), moved, 0.0)
@@ -107,12 +107,12 @@ class ModelInput:
         return ShearField(tracks.time_s, channels, valid=self._operator.valid(live))
 
     def restart(self) -> None:
-        """Forget the frames before: the next answers are those of a new object, to the bit."""
+        """Forget all earlier frames: the next results are bit for bit those of a new object."""
         self.tracker.restart()
 
     @property
     def nominal(self) -> MountedCamera:
-        """The camera where the design has it."""
+        """The nominal camera of the design."""
         return self._nominal
 
     @property
@@ -126,10 +126,10 @@ class ModelInput:
         return np.asarray(self._known)
 
     def linear(self, camera: MountedCamera | None) -> Array:
-        """(2 H W, 2 n) small displacements of the :attr:`known` dots to the field, were this the camera built in.
+        """(2 H W, 2 n) map from small displacements of the :attr:`known` dots to the field, for another camera.
 
-        Displacements and field: all x, then all y. What changes with the camera is where the dots sit in the nominal
-        view and how a pixel there is stretched; the tracker and its dots stay. All NaN where a dot leaves the view.
+        Displacements and field: all x, then all y. The camera changes the places of the dots in the nominal view and
+        the stretch of a pixel there; the tracker and its dots stay the same. All NaN where a dot leaves the view.
         """
         assumed, self._camera = self._camera, camera
         try:
@@ -151,8 +151,8 @@ class ModelInput:
         """(N, 2) pixels of the nominal camera for pixels (N, 2) of the real one; NaN beyond the view.
 
         Args:
-            pixels: (N, 2) of the real one.
-            raised_mm: of the skin, outward, above the undeformed inner sphere.
+            pixels: (N, 2) of the real camera.
+            raised_mm: height of the skin outward of the undeformed inner sphere.
         """
         if self._camera is None:
             return pixels
@@ -160,12 +160,12 @@ class ModelInput:
         return self._nominal.project(self._camera.on_sphere(pixels, centre, self._params.inner_radius_mm + raised_mm))
 
     def _on_skin(self, place: Array) -> Array:
-        """(N, 3) where the nominal camera sees the undeformed inner sphere at (N, 2), endcap frame; NaN beyond it."""
+        """(N, 3) points of the undeformed inner sphere, mm, at pixels (N, 2) of the nominal camera; NaN beyond it."""
         centre = (0.0, 0.0, self._params.centre_height_mm)
         return self._nominal.on_sphere(place, centre, self._params.inner_radius_mm)
 
     def _parallax(self) -> Array:
-        """(n, 2) sideways shift of the known dots in the nominal view, px by mm outward, that is none of their own."""
+        """(n, 2) apparent shift of the known dots in the nominal view by a radial displacement, px/mm."""
         pixels = self.tracker.reference_px[self._known]
         return (self.seen(pixels, STEP_MM) - self.seen(pixels, -STEP_MM)) / (2 * STEP_MM)
 
@@ -178,15 +178,15 @@ def model_input(
     radial: Array | None = None,
     config: TrackerConfig | None = None,
 ) -> ModelInput:
-    """The path from pictures of one sensor to a model's input.
+    """The :class:`ModelInput` of one sensor, with a new tracker.
 
     Args:
         reference: the undeformed picture.
         shape: (H, W) of the field, the model's.
-        params: the endcap.
-        camera: the one built in, as calibrated; None takes the nominal one.
-        radial: of the weights, :attr:`sensing.wrench.model.WrenchModel.radial`; takes out the camera's parallax.
-        config: knobs of the tracker.
+        params: design of the endcap.
+        camera: calibrated camera of the endcap; None takes the nominal one.
+        radial: :attr:`sensing.wrench.model.WrenchModel.radial` of the weights, to correct the camera's parallax.
+        config: parameters of the tracker.
 
     Raises:
         NoDotsError: the reference has no dots.

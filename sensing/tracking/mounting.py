@@ -1,13 +1,13 @@
-"""Whether all dots moved as one: the camera, its lens or the dome in its mount has moved, nothing touches the skin.
+"""Detects a common motion of all dots: camera, lens or dome have moved in their mount, and nothing touches the skin.
 
-Two motions are fitted to that of the dots since the reference: a similarity of the picture (shift, turn, scale), and
-what turns and shifts of the camera against the dome and a zoom make of it (:mod:`sensing.tracking.camera_motions`). A
-camera that moved leaves almost nothing of one of them. A similarity leaves at most 0.2 of a lens that shifts or zooms,
-but 0.6 to 0.8 of a camera that tilted or shifted sideways: its lens is a fisheye and the skin is not equally far. The
-camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts of 0.1 to 1 mm. A touch moves the dots
-near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two sizes), the
-camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D = 99). The
-skin's own weight in another pose may look like the camera's, but its own fit leaves less of it
+Two models are fitted to the motion of the dots since the reference: a similarity of the picture (shift, rotation,
+scale), and rotations and shifts of the camera against the dome with a zoom (:mod:`sensing.tracking.camera_motions`). If
+the camera moved, the residual of one of them is almost zero. A similarity leaves at most 0.2 of a lens that shifts or
+zooms, but 0.6 to 0.8 of a camera that tilted or shifted sideways: its lens is a fisheye and the skin is not equally
+far. The camera's own motions leave at most 0.12 of turns of 0.1 to 3 degrees and shifts of 0.1 to 1 mm. A touch moves
+the dots near it otherwise than the others: a similarity leaves 0.7 of it and more (222 presses of 0.5 to 40 N at two
+sizes), the camera's motions 0.45 and more (154 presses of a plane, 0.3 to 60 N, D = 130; 0.34 of the same scaled to D =
+99). The skin's own weight in another pose may look like the camera's, but its own fit leaves less of it
 (:mod:`sensing.tracking.own_weight`); of a camera that turns about a point that one leaves 0.23 and more
 (bench/own_weight_leaves.csv).
 
@@ -29,12 +29,12 @@ from sensing.tracking.camera_motions import CameraMotions, third_largest
 from sensing.tracking.motion_kernels import similarity
 from sensing.tracking.own_weight import OwnWeight
 
-MOVED_PX = 0.05  # at 480: motion from which it counts; ten times what the picture's noise makes, 0.2 to 0.6 N
-SIMILARITY_LEAVES = 0.35  # of the motion, at most, where the mounting moved; between 0.2 of a lens, 0.7 of a touch
-CAMERA_LEAVES = 0.25  # the same of the camera's own motions; between 0.12 and 0.34
-HOPELESS = 1.5  # so many times that, left by a quick fit to all dots: no robust fit brings it down
-ALIKE = 1.25  # a sag's three numbers follow the noise less than a camera's seven
-STILL_PX = 0.15  # at 480: left of no common motion, from which it is a touch; three times what noise makes
+MOVED_PX = 0.05  # at 480: least motion; ten times that due to the picture's noise, and equal to 0.2 to 0.6 N
+SIMILARITY_LEAVES = 0.35  # largest residual over the motion if the mounting moved; between 0.2 (lens) and 0.7 (touch)
+CAMERA_LEAVES = 0.25  # the same for motions of the camera; between 0.12 and 0.34
+HOPELESS = 1.5  # residual of the least-squares fit over that limit from which the robust fit is not tried
+ALIKE = 1.25  # a sag's three parameters fit the noise less than a camera's seven
+STILL_PX = 0.15  # at 480: residual without common motion, from which it is a touch; three times that of noise
 NOISE_LEAVES = 3.0  # M: third largest motion of some 90 dots that only scatter, over the rms of an axis; 3.2 to 3.4
 LEAST_DOTS = 4  # for a similarity
 LEAST_DOTS_OF_CAMERA = 20  # for seven motions
@@ -50,18 +50,18 @@ class MotionKind(Enum):
 
 @dataclass(frozen=True)
 class CommonMotion:
-    """The motion of all dots since the reference that the mounting would explain best.
+    """The common motion that fits the dots since the reference best.
 
     Attributes:
         shift_px: (2,) x, y of the similarity at the picture's centre.
         turn_rad: its rotation.
         scale: its scale.
-        reach_px: how far the motion moves a dot: the similarity half of the picture's short side from its centre, at
-            most; the camera the third farthest.
-        residual_px: third largest dot motion that it leaves; one or two dots may be off for other reasons.
-        leaves: share of the reach up to which what is left is none of a touch.
-        size: (width, height) of the picture.
-        camera_px: (N, 2) how far the camera moved each dot; None where the motion is the similarity.
+        reach_px: size of the motion: for a similarity, the largest displacement within half of the picture's short side
+            from its centre; for a camera, the third largest displacement of a dot.
+        residual_px: third largest residual of a dot, as one or two dots may be off for other reasons.
+        leaves: largest residual over the reach that is not a touch.
+        size: (width, height) of the picture, px.
+        camera_px: (N, 2) displacement of each dot by the camera; None where the motion is the similarity.
         error_px: standard deviation of an axis of a dot at rest, as the reference has it; 0 where it is unknown.
     """
 
@@ -77,12 +77,12 @@ class CommonMotion:
 
     @property
     def moved(self) -> bool:
-        """Whether it is more than noise."""
+        """Whether the motion exceeds the noise."""
         return self.reach_px > MOVED_PX * min(self.size) / 480.0
 
     @property
     def kind(self) -> MotionKind:
-        """Of the mounting, of a touch, or none."""
+        """Cause of the motion: the mounting, a touch, or none."""
         left_px = beyond_noise_px(self.residual_px, self.error_px)
         if self.moved and left_px <= self.leaves * self.reach_px:
             return MotionKind.MOUNTING

@@ -1,9 +1,9 @@
-"""The undeformed reference: taken from an interval without contact, stored, watched, and renewed.
+"""The undeformed reference: average of an interval without contact, its file, and the drift since.
 
-A touch deforms part of the skin; a lamp that ages or a camera that settles in its mount changes the whole picture at
-once. So drift is classified by what the dots do: a change that one motion of picture or camera explains for all dots
-alike is the mounting (:mod:`sensing.tracking.mounting`); a change of brightness without motion is the lamp; dots that
-are not seen any more while the others stand still are hidden; the rest is contact.
+A touch deforms part of the skin; an ageing lamp or a camera that settles in its mount changes the whole picture. Drift
+is classified accordingly: one motion of picture or camera that fits all dots is the mounting
+(:mod:`sensing.tracking.mounting`); a change of brightness without motion is the lamp; dots that are lost while the
+others do not move are hidden; anything else is contact.
 
 Units: full-size pixels, seconds. File format: ``.npz``, read without pickle.
 """
@@ -38,7 +38,7 @@ from sensing.tracking.tracker import DotTracker
 STILL_PX = 0.6  # at 480: dots that move more than this during the interval are being touched
 CONTACT_PX = 0.8  # at 480: dot motion left by the common one, from which it is contact
 LAMP = 0.1  # relative change of brightness from which the lamp has drifted
-LEAST_FRAMES = 3  # needed to tell rest from motion
+LEAST_FRAMES = 3  # needed to separate rest from motion
 MOST_FILE_BYTES = 1 << 26  # of a reference file when unpacked
 LOST_SHARE = 0.3  # of the dots that may be lost in a frame of the interval
 MOST_UNSEEN = 0.12  # E: share of the reference's dots; an untouched dome that shows fewer is covered
@@ -60,8 +60,8 @@ class Zero:
         frames: number of frames averaged.
         noise_px: (N,) rms motion of each dot within the interval.
         brightness: mean gray of the picture.
-        exposure: as the driver stated it; NaN where it did not.
-        made_of: the endcap; None where nobody has said.
+        exposure: exposure that the driver reported; NaN where it reported none.
+        made_of: identity of the endcap; None where it is unknown.
         error_px: standard deviation of an axis of a dot at rest against the picture; 0 where it is unknown.
     """
 

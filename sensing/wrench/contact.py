@@ -1,4 +1,4 @@
-"""Whether an endcap touches anything: a threshold from an untouched interval, hysteresis, one state per endcap.
+"""Contact detection: a threshold from an untouched interval, hysteresis, one state per endcap.
 
     threshold = threshold_from_rest(rest_force_n, false_positive_rate=1e-3)
     detectors = {endcap: ContactDetector(threshold[endcap]) for endcap in endcaps}
@@ -27,7 +27,7 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.quantiles import binomial_quantile, chi_square_quantile
 
-CONFIDENCE = 0.95  # that the false rate is not larger than asked for
+CONFIDENCE = 0.95  # that the rate of false contacts is not larger than the stated one
 TAIL = 0.10  # share of the samples that counts as tail
 LEAST_TAIL = 8  # independent samples in it
 LEAST_ON_N = 0.02  # M: twice the most that lamps 30 % off make of an untouched D=130 T=8 (bench_wrench_rest.py)
@@ -42,8 +42,8 @@ class ContactThreshold:
         on_n: contact begins at or above.
         off_n: contact ends below.
         rate: stated false positives per frame.
-        samples: independent samples behind it.
-        extrapolated: whether the tail's law was needed.
+        samples: number of independent samples that it is based on.
+        extrapolated: whether the exponential tail was used.
     """
 
     on_n: float
@@ -61,14 +61,14 @@ class ContactThreshold:
 
 @dataclass(frozen=True)
 class ContactState:
-    """Answer of one frame.
+    """State of contact after one frame.
 
     Attributes:
         time_s: capture time.
-        touching: contact or not; of an unusable frame the last known answer.
-        since_s: when that began.
-        force_n: norm of the force.
-        known: False for a frame that could not be judged.
+        touching: whether there is contact; for an unusable frame the last known state.
+        since_s: capture time at which that state began.
+        force_n: norm of the force, N.
+        known: False for an unusable frame.
     """
 
     time_s: float
@@ -86,7 +86,7 @@ def threshold_from_rest(
     Args:
         forces_n: (N, 3) force of consecutive frames of an interval without contact.
         false_positive_rate: of single frames.
-        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`).
 
     Raises:
         ParameterError: a rate outside 1e-9..0.1, forces that are not finite, or too short an interval.

@@ -185,11 +185,11 @@ class _Moments:
 
 
 def _hand_out(working: list[Output], take: Callable[[Output], None], lost: Callable[[str], object]) -> None:
-    """To every output that works; a walking robot's estimate must not end with one of them."""
+    """Call ``take`` on every working output; one that raises is removed, and ``lost`` gets the reason."""
     for output in tuple(working):
         try:
             take(output)
-        except Exception as error:
+        except Exception as error:  # an output must not end the run of a walking robot
             working.remove(output)
             lost(printable(f"{type(output).__name__}: stopped ({reason_of(error)})"))
 

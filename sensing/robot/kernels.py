@@ -1,10 +1,11 @@
-"""Compiled prediction of the robot's filter: in numpy their small steps would take a tenth of a core and more.
+"""Compiled predict step of the robot's filter: in numpy, its many small calls would take over a tenth of a core.
 
-The error state holds three numbers each, in this order: turns of the B bars (world axes), places, velocities, gyroscope
-biases, accelerometer biases, the E anchors; then creep and softness, a number each. The error of a place, a velocity
-or an anchor x is ``x_true - exp(turn of the leading bar) x``: a turn of the whole robot about the vertical, which
-nothing measures, is then the same vector at every estimate, and the filter does not come to think that it knows its
-heading (Barrau and Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
+The error state holds three numbers each, in this order: rotations of the B bars (rad, world axes), positions (m),
+velocities (m/s), gyroscope biases (rad/s), accelerometer biases (m/s^2), the E anchors (m); then creep and softness,
+one number each. The error of a position, a velocity or an anchor x is ``x_true - exp(rotation of the leading bar) x``.
+A rotation of the whole robot about the vertical, which no sensor measures, is then the same vector at every estimate,
+so that the covariance of the heading does not shrink falsely (invariant extended Kalman filter: Barrau and Bonnabel
+2017, doi:10.1109/TAC.2016.2594085).
 """
 
 # mypy: ignore-errors
@@ -31,11 +32,11 @@ def _skew(out, k, x, y, z, scale):
 
 @numba.njit(**EXACTLY)
 def turned_by(turn, x, y, z):
-    """A rotation turned by a vector: exp([x y z] x) turn.
+    """(3, 3) exp([x y z] x) turn: a rotation matrix after a rotation by a vector (Rodrigues' formula).
 
     Args:
-        turn: (3, 3).
-        x, y, z: rad.
+        turn: (3, 3) rotation matrix.
+        x, y, z: rotation vector, rad.
     """
     angle = math.sqrt(x * x + y * y + z * z)
     if angle > 1e-7:
@@ -76,25 +77,24 @@ def predict_step(
     covariance, turn, place, velocity, anchor, normal, anchored, rate, force, has_force, leader, endcap_bar, radius,
     roll, noise, walk, fade, step_s, gravity,
 ):  # fmt: skip
-    """Move the state by a time step, in place.
+    """Predict step: moves state and covariance by a time step, in place.
 
     Args:
-        covariance: (N, N).
+        covariance: (N, N) of the error state.
         turn: (B, 3, 3) bar to world.
-        place, velocity: (B, 3) of each bar's reference point.
-        anchor, normal: (E, 3) world.
-        anchored: (E,) whether its anchor counts.
-        rate, force: (B, 3) angular velocity and specific force without bias, bar axes.
-        has_force: (B,) 1 where the bar has an accelerometer, 2 where it follows that of the leading bar, 0 where
-            nothing is known.
-        leader: that bar.
+        place, velocity: (B, 3) of each bar's reference point, world, m and m/s.
+        anchor, normal: (E, 3) anchors, m, and unit normals, world.
+        anchored: (E,) 1 where the endcap has an anchor, else 0.
+        rate, force: (B, 3) angular velocity, rad/s, and specific force, m/s^2, without bias, bar axes.
+        has_force: (B,) 1 where the bar has an accelerometer, 2 where the leading bar's is used, 0 without any.
+        leader: number of the leading bar.
         endcap_bar: (E,) bar of each endcap.
-        radius: (E,) m.
-        roll: (E,) 1 where the sphere rolls.
-        noise: (B, 3) variances a second: rate, velocity, leader's force (in all that follow it).
-        walk: (B, 2) of the biases.
-        fade: (B,) 1/s by which those of gyroscopes decay; the caller's decay with them.
-        step_s: time.
+        radius: (E,) of the spheres, m.
+        roll: (E,) 1 where the sphere rolls, 0 where its anchor stands.
+        noise: (B, 3) variances per second of angle, velocity, and velocity common to bars that use the leader's force.
+        walk: (B, 2) variances per second of the gyroscope and accelerometer biases.
+        fade: (B,) decay rate of the gyroscope biases, 1/s; the caller lets its own estimates decay likewise.
+        step_s: time step.
         gravity: m/s^2.
     """
     bars, endcaps, size = len(turn), len(anchor), len(covariance)
@@ -105,7 +105,7 @@ def predict_step(
         middle[b] = turned_by(turn[b], 0.5 * step_s * spin[b, 0], 0.5 * step_s * spin[b, 1], 0.5 * step_s * spin[b, 2])
         if has_force[b] == 1:
             push[b] = times_vector(middle[b], force[b])
-    drive = np.zeros((bars, size, 3))  # what a turn of a bar by its rate's noise does to all
+    drive = np.zeros((bars, size, 3))  # Jacobian of the error state by a rotation of a bar, as rate noise causes
     for i in range(3 * bars):
         drive[i // 3, i, i % 3] = 1.0
     count = _bar_blocks(at, blocks, drive[leader], middle, push, place, velocity, has_force, leader, step_s, gravity)
@@ -146,7 +146,7 @@ def _add_cross(out, row, n, scale):
 
 @numba.njit(**EXACTLY)
 def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
-    """The error of x turns with the leader: what the leader's gyroscope does to it, bias and noise."""
+    """Blocks of the error of x, which rotates with the leader: by bias and noise of the leader's gyroscope."""
     at[count, 0], at[count, 1] = row, 3 * (3 * bars + leader)
     _skew(blocks, count, x[0], x[1], x[2], 1.0)
     drive[row : row + 3] = blocks[count]

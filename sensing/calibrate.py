@@ -105,7 +105,7 @@ def _from_dots(options: argparse.Namespace) -> int:
     except CalibrationError as error:
         doubts = [] if options.dots else [*light_doubts(light_of(image)).values()]
         raise CalibrationError("; ".join([str(error), *doubts])) from None
-    if lens is None and not options.dots:  # a held lens is no free focal length, and a CSV says nothing of sizes
+    if lens is None and not options.dots:  # the test needs a free focal length and the sizes of dots, which a CSV lacks
         fit = design_fit(result, radii, params)
         try:
             alike = require_design(fit, radii, size, options.azimuth_hint, options.trust_design)

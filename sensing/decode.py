@@ -135,7 +135,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
         return png_size(data)
     try:
         height, width = simplejpeg.decode_jpeg_header(data)[:2]
-    except ValueError:  # damaged: the decoder says so, too
+    except ValueError:  # damaged: the decoder raises the error
         return None
     return width, height
 

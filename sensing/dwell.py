@@ -30,7 +30,7 @@ from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
 from sensing.weighing.film import film_readings
 from sensing.wrench.stiffness import Stiffness
 
-MOST_LEFT = 0.25  # E: of the creep; a quiet test leaves 0.02, a plate of 0.5 N that stays on 0.28
+MOST_LEFT = 0.25  # E: of the creep; an undisturbed test leaves 0.02, a plate of 0.5 N that stays on 0.28
 PICTURES = (".png", ".jpg", ".pdf", ".svg")
 DESCRIPTION = """\
 Find the relaxation of an endcap's silicone in a recording of one dwell test, and store it in endcaps.toml. Record the

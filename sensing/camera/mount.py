@@ -16,7 +16,7 @@ from cad.identity import Identity, recorded, require_same
 from cad.whole_file import replace_file
 from sensing.camera.model import Array, FisheyeCamera, points_array, require
 
-FILE_FORMAT, OLD_FORMAT = "endcap-camera-2", "endcap-camera-1"  # the old one knows no covariance
+FILE_FORMAT, OLD_FORMAT = "endcap-camera-2", "endcap-camera-1"  # the old one has no covariance
 PARAMETERS = 11  # numbers of sensing.camera.parameters
 
 

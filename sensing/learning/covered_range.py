@@ -47,7 +47,7 @@ def covered_range(
     least, slope = _left(left, size)
     force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
     tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, RELEASED_RADIUS_MM), OFTEN_ENOUGH))
-    if start is not None:  # what it knew before, it still knows
+    if start is not None:  # it still covers the range of the weights that it started from
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
         if np.array_equal(back, pattern_of(start.weights)):  # more fields leave less

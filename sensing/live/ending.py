@@ -1,7 +1,7 @@
 """How the program ends: the signals that end it, and a way out that no hung thread can block.
 
     end_at_once()                        # until there is something to close: leave, without a traceback
-    with Stop() as stop:                 # from here on a signal only asks for the end
+    with Stop() as stop:                 # from here on, a signal only requests the end
         ...
         stop.asked.wait(0.2)
     leave(status)
@@ -19,8 +19,8 @@ import threading
 from types import FrameType
 from typing import Any, NoReturn
 
-FLUSH_S = 0.25  # a pipe that nobody reads must not hold up the end
-LOST = 1  # exit status: the run ended, but something that was asked for is not whole
+FLUSH_S = 0.25  # an unread pipe must not delay the end
+LOST = 1  # exit status: the run ended, but an output is incomplete
 
 
 def end_at_once() -> None:

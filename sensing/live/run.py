@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 END_S = 1.5  # from a signal to the summary, whatever hangs; lines and pipes may take what is left of two seconds
 HURRY_S = 0.3  # of that for cameras and readings under way, at most
 LEAST_S = 0.05  # for an output whose turn comes last
-PATIENCE_S = 30.0  # for a slow disk or reader, at an end that nobody asked for
+PATIENCE_S = 30.0  # for a slow disk or reader, when all sources end
 SWITCH_S = 0.001  # threads hand over this soon: page and outputs must not hold up the loop
 
 

@@ -49,7 +49,7 @@ STATUS_WORDS = {  # bits of the system status code
     30: "CPU or RAM", 29: "digital board", 28: "analog board", 27: "serial link", 26: "program memory",
     25: "configuration", 24: "settings", 23: "settings do not fit the calibration", 22: "network", 17: "saturated",
 }  # fmt: skip
-SO_TIMESTAMPING, RX_SOFTWARE = 37, 0b11000  # Linux: the kernel says when a packet came, however late it is read
+SO_TIMESTAMPING, RX_SOFTWARE = 37, 0b11000  # Linux: the kernel stamps a packet's arrival, however late it is read
 STAMPS_FROM_S = 0.05  # E: after which it does; the first reply gives the delay, so it must have a stamp
 
 

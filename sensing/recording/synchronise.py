@@ -86,7 +86,7 @@ class Synchroniser:
         left = bisect_right(self._times, time_s) - 1
         if left < 0 or right >= len(self._times):
             return None
-        del self._times[:left], self._wrenches[:left]  # frames come in order: never asked for again
+        del self._times[:left], self._wrenches[:left]  # frames come in order: earlier samples are not needed again
         left, right = 0, right - left
         before, after = self._times[left], self._times[right]
         if time_s - before > self.slop_s or after - time_s > self.slop_s:

@@ -22,7 +22,7 @@ MOST_RAD_S = 75.0  # E: gyroscopes of robots end at 70 (4000 degrees/s)
 MOST_M_S2 = 1000.0  # E: a fall onto the domes shows a tenth
 MOST_WEIGHTS, MOST_N = 100.0, 1000.0  # E: of a force, the larger of both; a fall from 0.3 m shows five weights
 LEVER_M = 1.0  # E: of a torque over the most force; domes have a tenth of it
-NAMED_S = 10.0  # for which health says that a sample was impossible
+NAMED_S = 10.0  # time for which health reports an impossible sample
 
 
 class SampleCheck:

@@ -15,7 +15,7 @@ class Contacts(Enum):
     BIT_FIXED = "bit_fixed"  # whether it touches; the sphere's centre stays where it is
     BIT_ROLLING = "bit_rolling"  # whether it touches; the sphere rolls on level ground
     WRENCH = "wrench"  # force, normal, friction ratio and their covariance
-    KNOWN = "known"  # what a simulation knows: normal, and whether it slips
+    KNOWN = "known"  # true contacts of a simulation: normal, and whether it slips
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ SILENT_S = 0.05  # after this time the last sample of an inertial sensor no long
 HELD_AFTER_S = 1.0  # of silence
 GONE_S = 3.0  # E: after which a silent gyroscope is not waited for
 UNSEEN_S = 0.1  # for so long several gyroscopes may be silent at once
-MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that nobody watches
+MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that is not measured
 MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of a turn of which nothing is known
 
 

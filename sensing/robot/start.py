@@ -29,7 +29,7 @@ from sensing.tensegrity.shape import rotation_of
 from sensing.tensegrity.vectors import minus_cross
 
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
-ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: how long it tries to find a quiet robot, and factor of the limits then
+ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest; factor of the limits then
 ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates over the start of a bar that only rocks
 QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
 STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest

@@ -18,7 +18,7 @@ from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 
 Array = NDArray[np.float64]
-RELEASED = EndcapParams(130.0, 8.0)  # where nobody has said which endcap it is
+RELEASED = EndcapParams(130.0, 8.0)  # used where the endcap is unknown
 MOTIONS = 7  # three turns, three shifts, zoom
 ROUNDS = 3  # of fitting, each without what the last one left
 

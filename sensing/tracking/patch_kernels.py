@@ -17,7 +17,7 @@ from sensing.compiled import HELPER, KERNEL
 
 SATURATED = 252  # gray levels from here on say nothing: blob or overexposure
 COARSE_PX = 0.15  # once a step is this small the window's stretch is taken into account
-BEND_SCORE = 0.7  # a window that fits worse says nothing about its stretch
+BEND_SCORE = 0.7  # least correlation of a window from which its stretch is measured
 BEND_AGAIN = 0.08  # a misfit larger than this is measured a second time from the new start
 FLAT_STRETCH = 0.01  # less stretch than this is neglected: 0.07 px at the window's edge, none in its middle
 GAIN_LEAST = 0.15  # a window with less than this share of the reference's contrast is no dot

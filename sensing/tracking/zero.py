@@ -230,7 +230,7 @@ def load_zero(path: Path | str, wanted: Identity | None = None) -> Zero:
             raise ValueError("no picture")
         digest, stated = about.pop("digest"), about.pop("identity", {})
         design = wanted.design if wanted is not None else None
-        made_of: Identity | None = None  # null: nobody has said
+        made_of: Identity | None = None  # null: unknown
         if stated:
             made_of = recorded(stated, EndcapParams(**stated["design"]))
         elif stated is not None and design is not None:

@@ -63,7 +63,7 @@ OF_BEFORE = {  # a file without these
     "silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED, "own_weight": KEPT,
 }  # fmt: skip
 RINGS = "-"  # joins the counts of dots of one's own, as in 1-6-10-12
-CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # what only a camera of this computer can be asked
+CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # settings that only a camera of this computer has
 
 
 def known_models() -> tuple[str, ...]:

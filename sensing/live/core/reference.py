@@ -85,7 +85,7 @@ class ReferenceTaker:
         self._name, self._params, self._count, self._build = name, params, frames, build
         self._estimator, self._most_n, self._gain = estimator, most_n, gain
         self._stopped = False
-        self._lock = threading.Lock()  # of what follows: asked for, made and taken in three threads
+        self._lock = threading.Lock()  # of the fields below, which three threads change
         self._request: _Request | None = None  # None once it is answered
         self._made: Reference | EndcapError | None = None
         self._thread: threading.Thread | None = None

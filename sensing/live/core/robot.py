@@ -18,7 +18,7 @@ from sensing.live.core.reading import EndcapReading
 
 STANDING = 3  # endcaps that carry the whole robot
 TOLERANCE = 0.25  # E: of the weight, by which the force sum may differ before it is reported
-OLD_S = 0.5  # a reading older than this says nothing about now
+OLD_S = 0.5  # an older reading is not used for the present state
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ class QueuedSink:
                     self.idle()
                 else:
                     self.write(reading)
-        except Exception as error:  # an output must not end the process: it says what happened
+        except Exception as error:  # an output must not end the process: it reports the error
             self.fail(error)
         try:
             self.finish()

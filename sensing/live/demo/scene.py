@@ -24,7 +24,7 @@ from sensing.records import Frame
 
 SIZE = (640, 480)
 ENDCAPS = 6
-RELEASED = EndcapParams(130.0, 8.0)  # of the robot that is shown unless another is asked for
+RELEASED = EndcapParams(130.0, 8.0)  # of the robot that is shown by default
 WORD = "scene:"
 _BEGINS = threading.Lock()
 

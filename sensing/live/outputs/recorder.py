@@ -103,7 +103,7 @@ class Recorder(QueuedSink):
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
-        self._behind: set[str] = set()  # endcaps whose restart is asked for once the disk has caught up
+        self._behind: set[str] = set()  # endcaps to be restarted once the disk has caught up
         self._wall_ns = wall_less_monotonic_ns()  # fixed: stamps do not follow a clock being set
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)

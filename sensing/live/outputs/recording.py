@@ -64,7 +64,7 @@ class Recording:
         """State for the page: file, its size, and the time for which the disk lasts; sizes in MB of 10^6 bytes."""
         now_s, recorder = time.monotonic(), self._recorder
         if now_s > self._sizes[0] + LOOK_S:
-            with contextlib.suppress(OSError):  # a disk that is gone says so when it is written to
+            with contextlib.suppress(OSError):  # a missing disk raises when it is written to
                 self._sizes = now_s, self._look(recorder, now_s)
         pictures = self._pictures if recorder is None else recorder.pictures
         return {

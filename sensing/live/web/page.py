@@ -78,7 +78,7 @@ class PageServer:
         self._link, self._theirs = socket.socketpair()
         self._process: subprocess.Popen[bytes] | None = None
         self._sent: dict[int, tuple[str, int]] = {}
-        self._files = 0  # recordings that the page's process knows
+        self._files = 0  # recordings that the page's process has been sent
         self._previews = [Preview(endcap.params) for endcap in run.config.endcaps]
         self._thread = threading.Thread(target=self._talk, daemon=True)
         self._closing, self._failed = False, ""
@@ -135,7 +135,7 @@ class PageServer:
                     elif request is not None:
                         self._show_all(request)
             self._failed = "its process ended"
-        except Exception as error:  # whatever happens to the page, the run goes on
+        except Exception as error:  # a failure of the page must not end the run
             self._failed = f"{type(error).__name__}: {error}"
 
     def _show_all(self, numbers: list[int]) -> None:

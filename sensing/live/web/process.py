@@ -33,7 +33,7 @@ from sensing.live.web.link import DETAIL, FILES, HEAD, PICTURE, STATE, Press, is
 MOST_VIEWERS = 8
 FASTEST_S = 0.04  # between looks at the run, of all viewers together
 MESSAGE_BYTES = 4096  # largest message from a viewer
-NICE = 5  # the loop goes first
+NICE = 5  # the loop has priority
 COOKIE = "endcap_token_{}"  # a browser sends a cookie to all ports of a host
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; style-src 'self' 'unsafe-inline'; "
@@ -172,7 +172,7 @@ def build_app(run: Link, port: int) -> Starlette:
         if refusal(websocket, run.token, cookie) or not same_origin(websocket) or viewers.count >= MOST_VIEWERS:
             await websocket.close(1008)
             return
-        viewers.count += 1  # before anything is waited for: others are asked in meanwhile
+        viewers.count += 1  # before the first await: other viewers may connect meanwhile
         try:
             await websocket.accept()
             await _answer(websocket, run)

@@ -173,7 +173,7 @@ class _Moments:
     def _reported(self, estimate: RobotEstimate | None) -> RobotEstimate | None:
         if estimate is not None:
             self._last_s = estimate.time_s
-        elif self._last_s == -math.inf:  # there is no health yet that says it
+        elif self._last_s == -math.inf:  # before the first estimate, no health reports it
             self._name_left_out()
         return estimate
 

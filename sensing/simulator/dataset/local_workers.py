@@ -41,7 +41,7 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_follow_parent)
         try:
             with _children_ignoring_interrupts():
-                for _ in range(workers):  # nobody is idle yet: each starts one
+                for _ in range(workers):  # no worker is idle yet: each call starts one
                     pool.submit(os.getpid)
             let_a_cut_result_end(pool)
             while True:
@@ -99,7 +99,7 @@ def _follow_parent() -> None:
 
     def watch() -> None:
         parent.join()
-        os._exit(1)  # whatever the worker is in the middle of: nobody is left to take it
+        os._exit(1)  # at once: no process is left to take the worker's result
 
     threading.Thread(target=watch, daemon=True).start()
 

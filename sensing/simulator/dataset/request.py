@@ -30,7 +30,7 @@ from sensing.simulator.solid.shell import PLAIN, require_interlock
 
 PATHS_PER_SHARD = 3
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
-PATH_LEVELS = (1, 2)  # those that follow a path; level 4 knows forces alone (Simulator.bulk)
+PATH_LEVELS = (1, 2)  # those that follow a path; level 4 has forces alone (Simulator.bulk)
 RENDERERS = ("off", *RENDER_LEVELS)
 LAMPS = ("varied", "steady")
 RELEASED, DESIGN = "released", "design"

@@ -190,7 +190,7 @@ class CondensedStep:
         """
         problem, tangent = self.problem, self.tangent
         active = np.flatnonzero((contact.pressure > 0).any(axis=1))
-        if not len(active):  # the body is clear: the patch goes where the solid puts it
+        if not len(active):  # without contact, the solid alone determines the patch
             return -wrong, 0.0 if problem.normal_n is None else float("nan"), 0.0
         loaded = np.unique(tangent.places[active])  # among the live unknowns; fixed ones are last, and dropped
         loaded = loaded[loaded < len(tangent.live)]

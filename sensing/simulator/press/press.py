@@ -27,7 +27,7 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell import ShellModel
 
 MAX_HALVINGS = 6
-MAX_DEPTH_RATIO = 0.6  # of R: the contact law knows no self-contact of the inner surface
+MAX_DEPTH_RATIO = 0.6  # of R: the contact law has no self-contact of the inner surface
 MAX_FRICTION = 5.0
 FIRST_TOUCH_MM = 1e-3
 WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms

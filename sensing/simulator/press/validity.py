@@ -73,7 +73,7 @@ def has_passed(model: ShellModel, state: State) -> bool:
     rest = model.solid.mesh.points[nodes]
     normal = np.cross(*(gradient.T @ (rest + state.displacement[nodes])))
     middle = rest.mean(axis=0) - np.array(model.geometry.centre_mm)
-    side = np.cross(*(gradient.T @ rest)) @ middle  # the order of a face's nodes says nothing of its outer side
+    side = np.cross(*(gradient.T @ rest)) @ middle  # the order of a face's nodes does not determine its outer side
     return bool(state.contact.gradient[face, point] @ normal * side > 0)
 
 

@@ -16,7 +16,7 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS
 
-MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # of R: thinner wants shell elements, thicker is no shell
+MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # of R: thinner ones need shell elements, thicker ones are not shells
 
 
 @dataclass(frozen=True)

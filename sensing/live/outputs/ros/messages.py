@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CAMERA_INFO, TRANSFORMS = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"
 TRIGGER_REQUEST, TRIGGER_REPLY = "std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"
-_ASKER = "uint64 guid\nint64 seq\n"  # Cyclone's ROS layer puts who asked before each request and reply
+_ASKER = "uint64 guid\nint64 seq\n"  # Cyclone's ROS layer puts the client's id before each request and reply
 CONTACT_UNKNOWN, CONTACT_FREE, CONTACT_TOUCHING = 0, 1, 2
 
 

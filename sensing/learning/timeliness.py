@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +21,44 @@ MOVING_N = 1.0  # least standard deviation of the force, likewise, at D=130 T=8
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class _Run:
+    """Filtered wrenches of one run and the truth, all at the n times for which they are reported.
+
+    Attributes:
+        reported, truth: (n, 6), N and N m.
+        covariance: (n, 6, 6) of ``reported``.
+        contact: (n,) whether a frame beside that time has contact.
+        time_s: (n,).
+    """
+
+    reported: Array
+    truth: Array
+    covariance: Array
+    contact: NDArray[np.bool_]
+    time_s: Array
+
+
 def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict: bool = True) -> Score:
-    """Score of the filter's answers at capture time plus latency, against the truth at that time.
+    """Score of filtered wrenches at capture time plus latency, against the truth at that time.
 
     Args:
-        model: answers single frames.
+        model: estimates the wrenches of single frames.
         test: frames; runs with too few for the latency are left out.
-        latency_s: from capture to answer.
-        predict: False leaves the lag in: the answer of capture time comes late.
+        latency_s: time from the capture to the report.
+        predict: False reports the wrench of the capture time late, without prediction.
     """
     value, covariance = model.predict(test.inputs)
     config, moving_n = FilterConfig().scaled(model.load_scale), MOVING_N * model.load_scale
-    answers = [
-        _answers(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)
-    ]
-    reported, truth, spread, contact, _ = map(np.concatenate, zip(*answers, strict=True))
-    found = [_lag_of_run(reported_, truth_, now, moving_n) for reported_, truth_, _, _, now in answers]
-    lags = [lag for lag in found if np.isfinite(lag)]
-    scored = score(reported, truth, contact, spread, load_scale=model.load_scale)
+    runs = [_filtered(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)]
+    lags = [lag for run in runs if np.isfinite(lag := _lag_of_run(run, moving_n))]
+    scored = score(
+        np.concatenate([run.reported for run in runs]),
+        np.concatenate([run.truth for run in runs]),
+        np.concatenate([run.contact for run in runs]),
+        np.concatenate([run.covariance for run in runs]),
+        load_scale=model.load_scale,
+    )
     return replace(scored, lag_s=float(np.median(lags)) if lags else float("nan"))
 
 
@@ -51,12 +71,10 @@ def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
         yield rows[np.diff(test.time_s[rows], append=np.inf) > 0]
 
 
-def _answers(
+def _filtered(
     test: Samples, rows: NDArray[np.int64], value: Array, covariance: Array, latency_s: float, smooth: WrenchFilter,
     predict: bool,
-) -> tuple[Array, Array, Array, NDArray[np.bool_], Array]:  # fmt: skip
-    """Answers and truth (n, 6), covariances (n, 6, 6), contact and times (n,) of a run, all at the times of the report;
-    there is contact where a frame beside that time has it."""
+) -> _Run:  # fmt: skip
     times = test.time_s[rows]
     reported, spread = [], []
     for row in rows[times + latency_s <= times[-1]]:
@@ -68,20 +86,21 @@ def _answers(
     now = times[: len(reported)] + latency_s
     truth = np.stack([np.interp(now, times, test.wrenches[rows, axis]) for axis in range(6)], axis=1)
     contact = np.interp(now, times, test.contact[rows].astype(float)) > 0
-    return np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6)), contact, now
+    return _Run(np.reshape(reported, (-1, 6)), truth, np.reshape(spread, (-1, 6, 6)), contact, now)
 
 
-def _lag_of_run(reported: Array, truth: Array, times_s: Array, moving_n: float) -> float:
-    """Lag of the force that moves most; NaN where none moves, or frames are few or missing."""
-    steps = np.diff(times_s)
+def _lag_of_run(run: _Run, moving_n: float) -> float:
+    """Lag of the force component that moves most, s; NaN where none moves, or frames are few or missing."""
+    steps = np.diff(run.time_s)
     if len(steps) < LAG_FRAMES or steps.max() > 1.5 * np.median(steps):
         return float("nan")
-    axis = int(truth[:, :3].std(axis=0).argmax())
-    return lag_s(reported[:, axis], truth[:, axis], times_s) if truth[:, axis].std() > moving_n else float("nan")
+    axis = int(run.truth[:, :3].std(axis=0).argmax())
+    moves = run.truth[:, axis].std() > moving_n
+    return lag_s(run.reported[:, axis], run.truth[:, axis], run.time_s) if moves else float("nan")
 
 
 def lag_s(reported: Array, truth: Array, times_s: Array) -> float:
-    """Delay of an answer behind the truth: the shift that leaves the least misfit (parabola through the best three).
+    """Delay of a wrench behind the truth, s: the shift of least misfit (vertex of the parabola through the best three).
 
     Args:
         reported, truth: (n,) values of one axis.

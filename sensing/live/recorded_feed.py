@@ -72,7 +72,7 @@ class ReplayFeed(FileFeed):
                 break
         if item.recorded.zero is not None:
             self._set_zero(item.recorded.zero, item.recorded.kept)
-        return item.recorded.frame, item.due_s
+        return Captured(item.recorded.frame, item.due_s)
 
     def stop(self) -> None:
         """Ask its thread to end; does not wait."""

@@ -86,10 +86,10 @@ class LiveEndcap:
 
     def process(self, item: Captured) -> EndcapReading | None:
         """Process one frame; an error changes the state and gives None."""
-        self.frame = item[0]
+        self.frame = item.frame
         reading = None
         try:
-            reading = self.pipeline.update(*item)
+            reading = self.pipeline.update(item.frame, item.captured_s)
         except Exception as error:  # a bug in one endcap must not stop the robot's other five
             self._failed(error)
         else:
@@ -199,7 +199,7 @@ class Engine:
         while not self._stop.is_set():
             wake.clear()
             taken = [(item, endcap) for endcap in endcaps if (item := endcap.take()) is not None]
-            for item, endcap in sorted(taken, key=lambda pair: pair[0][1]):  # the oldest picture first
+            for item, endcap in sorted(taken, key=lambda pair: pair[0].captured_s):  # the oldest picture first
                 reading = endcap.process(item)
                 if reading is not None:
                     self._put_out(reading)

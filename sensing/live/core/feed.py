@@ -11,14 +11,20 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from cad.errors import EndcapError, ParameterError
 from sensing.records import Frame
 from sensing.sources.newest import FrameSource, Health, LiveSource
 
-Captured = tuple[Frame, float]
 ROOM = 4  # frames that a file may be ahead
+
+
+class Captured(NamedTuple):
+    """A frame and its capture time on this run's clock (``time.monotonic``), s."""
+
+    frame: Frame
+    captured_s: float
 
 
 class Feed(Protocol):
@@ -81,7 +87,7 @@ class CameraFeed:
     def take(self) -> Captured | None:
         """The oldest frame kept."""
         frame = None if self._live is None else self._live.get(0)
-        return None if frame is None else (frame, frame.time_s)
+        return None if frame is None else Captured(frame, frame.time_s)
 
     def stop(self) -> None:
         """Ask its thread to end; does not wait."""
@@ -191,7 +197,7 @@ class FileFeed:
         source = self._open()
         for frame in source:
             due_s = self._pace.due_s(frame.time_s)
-            if self._stop.wait(max(0.0, due_s - time.monotonic())) or not self._put((frame, due_s)):
+            if self._stop.wait(max(0.0, due_s - time.monotonic())) or not self._put(Captured(frame, due_s)):
                 return ""
             self._running()
         return str(getattr(source, "note", ""))

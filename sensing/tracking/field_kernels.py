@@ -51,18 +51,22 @@ def add_stretch_residual(cells, stretch_gain, predicted, stretch, least, medians
     Args:
         cells: (2, H * W) float32, changed.
         stretch_gain: (2 N, H * W) of the operator.
-        predicted, stretch: (N, 2, 2); a dot whose measured stretch is NaN adds nothing.
+        predicted, stretch: (N, 2, 2); a dot whose measured stretch is NaN adds nothing and does not enter the median.
         least: least limit of the residual.
         medians: limit over the median residual.
     """
-    count = len(stretch)
-    square = np.zeros(count)
+    count, measured = len(stretch), 0
+    square, found = np.zeros(count), np.empty(count)
     for i in range(count):
         if not np.isnan(stretch[i, 0, 0]):
             for k in range(2):
                 for m in range(2):
                     square[i] += (stretch[i, k, m] - predicted[i, k, m]) ** 2
-    limit = max(least, medians * np.sqrt(np.median(square))) ** 2
+            found[measured] = square[i]
+            measured += 1
+    if measured == 0:
+        return
+    limit = max(least, medians * np.sqrt(np.median(found[:measured]))) ** 2  # lost dots would lower the median
     for i in range(count):
         if square[i] > limit:
             share = 1 - limit / square[i]

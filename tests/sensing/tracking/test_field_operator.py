@@ -113,6 +113,18 @@ def test_stretch_within_its_scatter_changes_nothing():
     assert np.abs(operator.field(push, operator.predicted_stretch(push) + noise) - operator.field(push)).max() < 0.05
 
 
+@pytest.mark.parametrize("share", [0.45, 0.6])
+def test_dots_without_a_measured_stretch_do_not_lower_its_usual_scatter(share):
+    """A lost dot has no stretch: it is no dot whose stretch agrees with the prediction."""
+    operator = field_operator(DOTS, SIZE)
+    push = np.zeros((len(DOTS), 2))
+    stretch = np.random.default_rng(5).normal(0.0, 0.05, (len(DOTS), 2, 2))
+    lost = np.arange(len(DOTS)) < share * len(DOTS)
+    assert not operator.field(push, stretch).any()
+    assert not operator.field(push, np.where(lost[:, None, None], np.nan, stretch)).any()
+    assert not operator.field(push, np.full_like(stretch, np.nan)).any()
+
+
 def test_a_picture_of_twice_the_size_shows_the_same_field_in_twice_the_pixels():
     motion = Displacement((2.0, 1.0), 0.01, bumps=(Bump((395.0, 262.0), (20.0, 12.0), 26.0),))
     push, live = moved(motion, DOTS), DOTS[:, 0] < 320

@@ -127,6 +127,11 @@ class DotTracker:
         """The search for dots that have jumped; made when it is first needed, or asked for beforehand."""
         return WideSearch(self._rest, self.dots.position_px, self._half, self.operator)
 
+    @cached_property
+    def variance_per_loss(self) -> NDArray[np.float64]:
+        """(N,) variance of an axis of a dot's place, full-size px^2, by what noise takes of its quality."""
+        return self._patches.variance_per_loss * self.reduction**2
+
     def update(self, frame: Frame) -> DotTracks:
         """Tracks of one frame.
 

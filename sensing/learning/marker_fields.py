@@ -42,10 +42,10 @@ class Scatter:
         camera: of the camera, times what a calibration from a rest picture leaves of it
             (:func:`sensing.learning.found_camera.left_by_calibration`).
         paint_px: of a painted dot from its place. unseen: share of dots not found.
-        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (half of it by
-            :data:`sensing.wrench.dot_noise.KNEE_PX`), and as a share of its displacement. Compression and sampling err alike in every picture of
-            a dot at rest, which cancels; a dot that has moved by a third of a pixel meets other pixels (M:
-            bench/tracker_noise.py).
+        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (the part of it that is
+            there: :func:`sensing.wrench.dot_noise.moved_part`), and as a share of its displacement. Compression and
+            sampling err alike in every picture of a dot at rest, which cancels; a dot that has moved by a third of a
+            pixel meets other pixels (M: bench/tracker_noise.py).
     """
 
     camera: float = 1.0

@@ -79,7 +79,8 @@ class Patches:
         it, and then the descent smoothed once more counts, over the same smoothing's share of a single pixel.
         """
         side = 2 * self.half + 1
-        descent = np.pad(self.rows[:, :2].reshape(-1, 2, side, side + 1).astype(float), ((0, 0), (0, 0), (1, 1), (1, 1)))
+        descent = self.rows[:, :2].reshape(-1, 2, side, side + 1).astype(float)
+        descent = np.pad(descent, ((0, 0), (0, 0), (1, 1), (1, 1)))
         rows = descent[:, :, :-2] + 2 * descent[:, :, 1:-1] + descent[:, :, 2:]
         smooth = (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 16
         squares = (smooth**2).sum(axis=(2, 3)).mean(axis=1) / SMOOTHED_NOISE

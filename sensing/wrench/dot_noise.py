@@ -27,7 +27,7 @@ from sensing.tracking.model_input import ModelInput
 from sensing.wrench.model import Array, WrenchModel
 
 STILL_PX = 0.0063  # M: an axis of a dot at rest, at 480 rows (bench/tracker_noise.py); the training's too
-MOVED_PX = 0.025  # M: windows of clean pictures of moved dots show 0.017 to 0.022 (three sizes), the training has 0.029
+MOVED_PX = 0.025  # M: windows of clean pictures of moved dots show 0.017 to 0.022 (two sizes), the training has 0.029
 KNEE_PX = 0.15  # M: displacement by which half of the error of a moved dot is there
 DRAWS = 256  # E: N is known to a tenth
 LEVELS_PX = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # excesses at 480 rows for which N is drawn
@@ -51,9 +51,9 @@ class DotNoise:
         self._per_loss = seen.tracker.variance_per_loss / self._unit**2
         self._least = (error_px / self._unit) ** 2 - STILL_PX**2
         fields = _fields_of_a_pixel(seen, self._unit)
-        wrenches = [model.predict(level * fields)[0] for level in LEVELS_PX]
+        wrenches = [model.predict(level * fields)[0] for level in LEVELS_PX[1:]]
         self._squares = np.square(LEVELS_PX)
-        self._drawn = np.array([w.T @ w / DRAWS for w in wrenches]).reshape(len(LEVELS_PX), 36)
+        self._drawn = np.array([np.zeros((6, 6)), *(w.T @ w / DRAWS for w in wrenches)])
 
     def excess_px(self, tracks: DotTracks) -> float:
         """Standard deviation of an axis of a dot beyond that of the training, px at 480 rows."""
@@ -72,7 +72,7 @@ class DotNoise:
         low, high = self._squares[above - 1 : above + 1]
         part = (min(square, last) - low) / (high - low)
         drawn = (1 - part) * self._drawn[above - 1] + part * self._drawn[above]
-        return np.asarray(drawn.reshape(6, 6) * max(square / last, 1.0))
+        return np.asarray(drawn * max(square / last, 1.0))
 
     def _shown(self, tracks: DotTracks) -> float:
         """Variance that the windows show beyond the training's, px^2 at 480 rows; half of the dots show more."""

@@ -97,7 +97,7 @@ def test_pictures_say_how_noisy_they_are_where_the_reference_is_a_single_one(pic
     scatter_px = np.sqrt(np.mean([np.square(reading.tracks.displacement_px) for reading in seen]))
     stated_px = [pipeline._check._noise.excess_px(reading.tracks) for reading in seen]
     assert np.mean(stated_px) == pytest.approx(scatter_px, rel=0.25) and np.std(stated_px) < 0.1 * scatter_px
-    assert 1.0 < np.mean([squared_error(reading.estimate) for reading in seen]) < 14  # one reference: its own error stays
+    assert 1.0 < np.mean([squared_error(reading.estimate) for reading in seen]) < 14  # its reference's error stays
 
 
 def test_light_that_fails_after_the_reference_widens_the_covariance(picture):

@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import nnls
 
-from sensing.learning.marker_fields import moved_part
 from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
+from sensing.wrench.dot_noise import moved_part
 
 Array = np.ndarray
 NEAR_PX = 12.0  # a found dot is the labelled one within this distance
@@ -33,7 +33,7 @@ class Noise:
 
     Attributes:
         still_px, moving_px, share: sd^2 = still^2 + (moving moved_part(far))^2 + (share far)^2, the law of
-            :func:`sensing.learning.marker_fields.moved_part`.
+            :func:`sensing.wrench.dot_noise.moved_part`.
         alike, length_px: correlation of one axis of two dots, alike exp(-distance / length).
     """
 

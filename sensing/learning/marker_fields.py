@@ -28,16 +28,10 @@ from sensing.camera.parameters import camera_at, camera_vector
 from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
 from sensing.tracking.field_operator import FieldOperator, field_operator
 from sensing.tracking.gelslim import CROP_PX
-from sensing.wrench.dot_noise import STILL_PX
+from sensing.wrench.dot_noise import STILL_PX, moved_part
 
 Array = NDArray[np.float64]
-KNEE_PX = 0.15  # M: displacement by which half of the error of a moved dot is there
 BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, and not tracked
-
-
-def moved_part(far_px: Array) -> Array:
-    """Part of the error of a moved dot that is there at displacements, px: half of it at :data:`KNEE_PX`."""
-    return np.asarray(far_px / (KNEE_PX + far_px))
 
 
 @dataclass(frozen=True)
@@ -49,10 +43,10 @@ class Scatter:
             (:func:`sensing.learning.found_camera.left_by_calibration`).
         paint_px: of a painted dot from its place.
         unseen: share of dots not found.
-        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (half of it by
-            :data:`KNEE_PX`), and as a share of its displacement. Compression and sampling err alike in every picture of
-            a dot at rest, which cancels; a dot that has moved by a third of a pixel meets other pixels (M:
-            bench/tracker_noise.py).
+        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (its share at a
+            displacement: :func:`sensing.wrench.dot_noise.moved_part`), and as a share of its displacement.
+            Compression and sampling err alike in every picture of a dot at rest, which cancels; a dot that has moved
+            by a third of a pixel meets other pixels (M: bench/tracker_noise.py).
     """
 
     camera: float = 1.0

@@ -24,6 +24,7 @@ LEAST_INSIDE = 0.25  # share of a window that must lie inside the frame and be u
 OUTLINE = 0.15  # of a window's half width: how far the outline's slope reaches into a dot
 LEAST_SILICONE = 0.7  # of a window's border must be lit for the dot in it to be a whole one
 INK_WEIGHT = 0.0  # left to the inside of a dot
+SMOOTHED_NOISE = (6 / 16) ** 2  # part of the variance of a picture's noise that the binomial 3 x 3 filter leaves
 SHEAR_DAMPING = 0.02  # of the mean curvature: what a window does not show of its stretch stays as it was
 
 
@@ -68,6 +69,23 @@ class Patches:
         """(N,) standard deviation of the less certain direction of a window's place, per gray level of white noise."""
         descent = self.rows[:, :2].astype(float)
         return np.sqrt(np.linalg.eigvalsh(descent @ descent.transpose(0, 2, 1))[:, 1])
+
+    @property
+    def variance_per_loss(self) -> NDArray[np.float64]:
+        """(N,) variance of one axis of a window's position, px^2, per loss of correlation (1 - correlation).
+
+        White noise of variance v in each of two pictures, both smoothed, lowers the correlation of a window by
+        v / energy and displaces an axis with variance 2 v sum(g^2), where g is the axis's row of the descent. That sum
+        holds for independent pixels. Smoothing correlates neighbours, so g is smoothed once more, and the sum is
+        divided by the share of a single pixel's variance that smoothing leaves.
+        """
+        side = 2 * self.half + 1
+        descent = self.rows[:, :2].reshape(-1, 2, side, side + 1).astype(float)
+        descent = np.pad(descent, ((0, 0), (0, 0), (1, 1), (1, 1)))
+        rows = descent[:, :, :-2] + 2 * descent[:, :, 1:-1] + descent[:, :, 2:]
+        smooth = (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 16
+        squares = (smooth**2).sum(axis=(2, 3)).mean(axis=1) / SMOOTHED_NOISE
+        return np.asarray(2 * self.energy * squares)
 
 
 def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half: int) -> Patches:

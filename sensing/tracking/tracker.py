@@ -127,6 +127,11 @@ class DotTracker:
         """The search for dots that have jumped; built on first use."""
         return WideSearch(self._rest, self.dots.position_px, self._half, self.operator)
 
+    @cached_property
+    def variance_per_loss(self) -> NDArray[np.float64]:
+        """(N,) variance of one axis of a dot's position, full-size px^2, per loss of quality due to noise."""
+        return self._patches.variance_per_loss * self.reduction**2
+
     def update(self, frame: Frame) -> DotTracks:
         """Tracks of one frame.
 

@@ -4,8 +4,8 @@ Looked at once a reference. An endcap without a calibration file is read with th
 (:mod:`sensing.calibration.rest_camera`), and the command that keeps it is named. Where no camera can be found, or the
 calibrated one does not fit any more, wrenches carry the flag ``camera_misfit``, and their covariance grows by what the
 camera that does fit would change. A reference with too few dots or rows, too much or too little light has flags of its
-own (:mod:`sensing.calibration.rest_picture`). A camera whose dots scattered more than in training while the reference
-was taken widens the covariance, too (:mod:`sensing.wrench.dot_noise`).
+own (:mod:`sensing.calibration.rest_picture`). Dots that scatter more than in training widen the covariance, too: as the
+reference measured it, and as each picture shows it (:mod:`sensing.wrench.dot_noise`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sensing.tracking.model_input import ModelInput
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero
 from sensing.wrench.camera_spread import CameraSpread
-from sensing.wrench.dot_noise import noise_covariance
+from sensing.wrench.dot_noise import DotNoise
 from sensing.wrench.model import WrenchModel
 
 FLAG = "camera_misfit"
@@ -68,13 +68,13 @@ class CameraCheck:
             if isinstance(estimator, WrenchModel) and uncertain.covariance is not None
             else None
         )
-        self._noise = np.zeros((6, 6))
-        if isinstance(estimator, WrenchModel):
-            self._noise = noise_covariance(seen, estimator, zero.error_px)
+        self._noise = DotNoise(seen, estimator, zero.error_px) if isinstance(estimator, WrenchModel) else None
 
     def widened(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
         """The wrench, about the sphere's centre, with the covariance due to the camera and its noise added."""
-        unknown = self._noise if self._spread is None else self._noise + self._spread.covariance(tracks)
+        unknown = np.zeros((6, 6)) if self._noise is None else self._noise.covariance(tracks)
+        if self._spread is not None:
+            unknown = unknown + self._spread.covariance(tracks)
         return replace(wrench, covariance=wrench.covariance + unknown)
 
 

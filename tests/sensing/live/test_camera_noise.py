@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S
@@ -45,12 +46,12 @@ def pipeline_of(zero: Zero) -> EndcapPipeline:
 
 
 def readings(pipeline: EndcapPipeline, noise_px: float, count: int) -> list:
-    """Of an untouched endcap whose dots scatter by as much."""
+    """Of an untouched endcap whose dots scatter by as much; windows do not show it."""
     rng, rest = np.random.default_rng(4), pipeline._used.method.tracker.reference_px
     found = []
     for k in range(count):
         moved = rest + noise_px * rng.standard_normal(rest.shape)
-        rows = np.column_stack([moved, np.full(len(rest), 0.995), np.zeros(len(rest))])
+        rows = np.column_stack([moved, np.full(len(rest), 0.9999), np.zeros(len(rest))])
         frame = SeenFrame(k / 30, k, "test", size=(640, 480), rows=rows, likeness=0.99)
         found.append(pipeline.update(frame))
     return found
@@ -66,6 +67,55 @@ def squared_error(wrench) -> float:
 def test_the_covariance_of_an_untouched_endcap_follows_the_cameras_noise(zero, noise_px):
     pipeline = pipeline_of(replace(zero, error_px=noise_px))
     assert 1.5 < np.mean([squared_error(reading.estimate) for reading in readings(pipeline, noise_px, 150)]) < 8
+
+
+def noisy(picture: np.ndarray, gray_levels: float, rng: np.random.Generator) -> np.ndarray:
+    """The picture as a camera with such noise gives it."""
+    return np.clip(np.rint(picture + gray_levels * rng.standard_normal(picture.shape[:2])[..., None]), 0, 255).astype(
+        np.uint8
+    )
+
+
+def compressed(picture: np.ndarray, quality: int) -> np.ndarray:
+    """The picture after JPEG."""
+    return cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)
+
+
+DEGRADED = {
+    "4 gray levels": lambda picture, rng: noisy(picture, 4, rng),
+    "12 gray levels": lambda picture, rng: noisy(picture, 12, rng),
+    "4 gray levels, JPEG of quality 40": lambda picture, rng: compressed(noisy(picture, 4, rng), 40),
+}
+
+
+@pytest.mark.parametrize("degraded", DEGRADED)
+def test_pictures_say_how_noisy_they_are_where_the_reference_is_a_single_one(picture, degraded):
+    rng = np.random.default_rng(3)
+    pictures = [DEGRADED[degraded](picture, rng) for _ in range(31)]
+    pipeline = pipeline_of(single_zero(Frame(0.0, 0, "film", image=pictures[0])))
+    seen = [pipeline.update(Frame(k / 30, k, "film", image=image)) for k, image in enumerate(pictures[1:], 1)]
+    scatter_px = np.sqrt(np.mean([np.square(reading.tracks.displacement_px) for reading in seen]))
+    stated_px = [pipeline._check._noise.excess_px(reading.tracks) for reading in seen]
+    assert np.mean(stated_px) == pytest.approx(scatter_px, rel=0.25) and np.std(stated_px) < 0.1 * scatter_px
+    assert 1.0 < np.mean([squared_error(reading.estimate) for reading in seen]) < 14  # its reference's error stays
+
+
+def test_light_that_fails_after_the_reference_widens_the_covariance(picture):
+    rng, pipeline = np.random.default_rng(4), pipeline_of(single_zero(Frame(0.0, 0, "lamp", image=picture)))
+    light = [0, 1, 2], [1.0, 1.0, 0.35]
+    bright, same, dim = (
+        pipeline.update(Frame(k / 30 + 1, k, "lamp", image=noisy(picture * part, 1.5, rng)))
+        for k, part in zip(*light, strict=True)
+    )
+    assert np.trace(same.estimate.covariance) == pytest.approx(np.trace(bright.estimate.covariance), rel=0.3)
+    assert np.trace(dim.estimate.covariance[:3, :3]) > 4 * np.trace(same.estimate.covariance[:3, :3])
+
+
+def test_clean_pictures_add_nothing(picture, zero):
+    pipeline = pipeline_of(zero)
+    reading = pipeline.update(Frame(1.0, 1, "clean", image=noisy(picture, 0.5, np.random.default_rng(5))))
+    assert pipeline._check._noise.excess_px(reading.tracks) == 0.0
+    assert not pipeline._check._noise.covariance(reading.tracks).any()
 
 
 def test_noise_that_the_training_had_is_not_counted_twice(zero):

@@ -84,9 +84,11 @@ def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:
     for g in groups:
         failures = ", ".join(f"{count} {mark}" for mark, count in g.failures.items())
         notes = "; ".join(filter(None, [failures, f"{g.incomplete} peeled less than 127 mm" if g.incomplete else ""]))
+        spread = f" [{g.low_n:.1f}, {g.high_n:.1f}]  s {g.deviation_n:.1f}  median {g.median_n:.1f}"
         lines.append(
-            f"{g.kind:8} {g.group:14} n={g.count}  mean {g.mean_n:.1f} N [{g.low_n:.1f}, {g.high_n:.1f}]  "
-            f"s {g.deviation_n:.1f}  median {g.median_n:.1f}" + (f"  ({notes})" if notes else "")
+            f"{g.kind:8} {g.group:14} n={g.count}  mean {g.mean_n:.1f} N"
+            + (spread if g.count > 1 else ", no interval of a single specimen")
+            + (f"  ({notes})" if notes else "")
         )
     for c in comparisons:
         lines.append(

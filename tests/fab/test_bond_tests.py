@@ -99,6 +99,38 @@ def test_semicolons_and_decimal_commas(tmp_path, cell):
 
 
 @pytest.mark.parametrize(
+    ("header", "between"),
+    [
+        ("Time [s];Extension [mm];Load [N]", ""),
+        ("Time;Extension;Load\n[s];[mm];[N]", ""),
+        ("Reading;Travel [mm];Load [N]", ""),
+        ("Time (s);Displacement (Strain 1) (mm);Load (N)", ""),
+        ("Time (s);Extension (mm);Load (N)\n", ""),
+        ("Time (s);Extension (mm);Load (N)\n;;", ""),
+        ("Time;Extension;Load\n\ns;mm;N\n", ""),
+        ("Time (s);Extension (mm);Load (N)", "\r"),
+    ],
+)
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16", "cp1252"])
+def test_dialects_of_other_makers(tmp_path, header, between, code):
+    x, y = pull()
+    lines = [f"{a / 10:.5f};{a:.5f};{b:.5f}".replace(".", ",") for a, b in zip(x, y, strict=True)]
+    text = "\n".join(["Prüfer: Müller, Raum 3", header, *lines, ";;", ""]).replace("\n", between + "\r\n")
+    (tmp_path / "a.csv").write_bytes(text.encode(code))
+    record = read_record(tmp_path / "a.csv")
+    assert record.load_n.max() == pytest.approx(y.max(), abs=1e-5)
+    assert len(record.load_n) == len(y)
+
+
+@pytest.mark.parametrize("cell", ["1,001.33", "0,0000"])
+def test_a_comma_in_a_number_is_told_from_a_gap(tmp_path, cell):
+    path = write(tmp_path / "a.csv", *pull())
+    path.write_text(path.read_text().replace(path.read_text().split("\n")[99].split(",")[2], f'"{cell}"'))
+    with pytest.raises(FileError, match=rf"a\.csv:100: Load='{cell}' is no number: export a decimal point"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda t: t.replace("(N)", "(MPa)"), r"a\.csv:5: unit 'mpa' of column 'Load' is not one of n, kn, lbf, kgf"),

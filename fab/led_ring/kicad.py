@@ -2,8 +2,8 @@
 
 Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
 footprint is written at its part's centre, turned as in the placement table, so that KiCad's own position file agrees
-with it. As KiCad has it, a pad's place is written in the footprint's turned frame, its turn in the board's. The board's layers are those of the Gerber files, not another
-drawing of them.
+with it. As KiCad has it, a pad's place is written in the footprint's turned frame, its turn in the board's. The
+board's layers are those of the Gerber files, not another drawing of them.
 """
 
 from __future__ import annotations
@@ -106,12 +106,13 @@ def _circle(radius_mm: float) -> str:
 
 def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
     """One part with its pads."""
-    letter, centre = SIDES[place.side], place.centre_mm
+    letter = SIDES[place.side]
+    at = f"{_at(place.centre_mm)} {place.rotation_deg:.6f}"
     text = "(effects (font (size 0.8 0.8) (thickness 0.12)) hide)"
     pads = [_pad(pad, place, nets) for pad in copper.pads if pad.reference == place.reference]
     return "\n".join(
         [
-            f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {_at(centre)} {place.rotation_deg:.6f})',
+            f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {at})',
             f'  (descr "{place.part.description}, {place.part.maker} {place.part.part_number}")',
             f'  (path "/{identity(place.reference)}") (solder_paste_margin {-PASTE_SHRINK_MM:g}) (attr smd)',
             f'  (fp_text reference "{place.reference}" (at 0 0) (layer "{letter}.SilkS") {text})',

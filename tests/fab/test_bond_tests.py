@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cad.errors import FileError
-from fab.bond_tests.__main__ import main, read_folder
+from fab.bond_tests.__main__ import draw_boxes, main, read_folder, report
 from fab.bond_tests.files import Record, read_record
 from fab.bond_tests.results import Specimen, compare, evaluate, holm, initial_peak, mean_interval, mean_peel, summarize
 
@@ -270,6 +271,17 @@ def test_files_count_whatever_the_case_of_their_ending(tmp_path):
     assert [specimen.name for specimen in read_folder(tmp_path)] == ["B.CSV", "a.csv"]
 
 
+def test_a_specimen_without_a_mark_has_its_own_sign_in_the_picture(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: drawn.append(figure))
+    some = specimens("peel", "a", [3.0, 4.0])
+    draw_boxes([replace(some[0], failure="adhesive"), replace(some[1], failure="")], tmp_path / "a.png")
+    handles, labels = drawn[0].axes[0].get_legend_handles_labels()
+    assert labels == ["adhesive", "not marked"]
+    assert handles[0].get_marker() != handles[1].get_marker()
+
+
 def test_groups_of_one_have_no_interval():
     (group,) = summarize(specimens("peel", "a", [3.0]))
     assert (group.count, math.isnan(group.low_n)) == (1, True)
+    assert "nan" not in report([group], [])

@@ -134,7 +134,15 @@ def _pad(pad: Pad, place: Placement, nets: dict[str, int]) -> str:
 
 
 def turned(x_mm: float, y_mm: float, angle_deg: float) -> tuple[float, float]:
-    """A point of KiCad's frame (y downward, mm), turned about the origin, counter-clockwise as seen."""
+    """A point turned about the origin.
+
+    Args:
+        x_mm, y_mm: in KiCad's frame, y downward.
+        angle_deg: counter-clockwise as seen on the screen.
+
+    Returns:
+        ``(x, y)`` in mm, in the same frame.
+    """
     cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
     return x_mm * cosine + y_mm * sine, y_mm * cosine - x_mm * sine
 

@@ -124,7 +124,7 @@ def test_dialects_of_other_makers(tmp_path, header, between, code):
 
 
 @pytest.mark.parametrize("cell", ["1,001.33", "0,0000"])
-def test_a_comma_in_a_number_is_told_from_a_gap(tmp_path, cell):
+def test_a_comma_in_a_number_is_refused_as_a_comma(tmp_path, cell):
     path = write(tmp_path / "a.csv", *pull())
     path.write_text(path.read_text().replace(path.read_text().split("\n")[99].split(",")[2], f'"{cell}"'))
     with pytest.raises(FileError, match=rf"a\.csv:100: Load='{cell}' is no number: export a decimal point"):

@@ -118,7 +118,7 @@ def export(
         variant: what is made.
         exports: folder that receives the variant's own.
         use_cache: whether the cache is read and written.
-        interrupts: what has been heard of signals; None where Python's own handling does.
+        interrupts: what has come of signals; None where Python's own handling does.
         where: the printer; None where none was asked for.
 
     Raises:
@@ -126,10 +126,10 @@ def export(
     """
     require_writable(exports)
     final = exports / variant.label
-    heard = interrupts or Interrupts()
-    ask = heard.raise_swallowed
+    interrupts = interrupts or Interrupts()
+    ask = interrupts.raise_swallowed
     with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
-        summary = cached_molds(variant, folder, heard, progress, use_cache, where)
+        summary = cached_molds(variant, folder, interrupts, progress, use_cache, where)
     return Written(final, summary, progress.seconds)
 
 
@@ -146,7 +146,7 @@ def cached_molds(
     Args:
         variant: what is made.
         folder: empty; receives every file.
-        interrupts: what has been heard of signals.
+        interrupts: what has come of signals.
         progress: called with the name of each step as it begins.
         use_cache: whether the cache is read and written.
         where: the printer; None where none was asked for.

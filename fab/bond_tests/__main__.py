@@ -84,9 +84,11 @@ def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:
     for g in groups:
         failures = ", ".join(f"{count} {mark}" for mark, count in g.failures.items())
         notes = "; ".join(filter(None, [failures, f"{g.incomplete} peeled less than 127 mm" if g.incomplete else ""]))
+        spread = f" [{g.low_n:.1f}, {g.high_n:.1f}]  s {g.deviation_n:.1f}  median {g.median_n:.1f}"
         lines.append(
-            f"{g.kind:8} {g.group:14} n={g.count}  mean {g.mean_n:.1f} N [{g.low_n:.1f}, {g.high_n:.1f}]  "
-            f"s {g.deviation_n:.1f}  median {g.median_n:.1f}" + (f"  ({notes})" if notes else "")
+            f"{g.kind:8} {g.group:14} n={g.count}  mean {g.mean_n:.1f} N"
+            + (spread if g.count > 1 else ", no interval of a single specimen")
+            + (f"  ({notes})" if notes else "")
         )
     for c in comparisons:
         lines.append(
@@ -130,11 +132,12 @@ def draw_boxes(specimens: Sequence[Specimen], path: Path) -> None:
 
     kinds = [kind for kind in KINDS if any(s.kind == kind for s in specimens)]
     figure = Figure(figsize=(4.6 * len(kinds), 4.2), layout="constrained")
-    marks = {"": "o", "adhesive": "o", "cohesive": "s", "material": "^", "mixed": "D"}
+    marks = {"": "x", "adhesive": "o", "cohesive": "s", "material": "^", "mixed": "D"}
     labels = {"tensile": "max tensile force, N", "peel": "mean peel force, N"}
     for k, kind in enumerate(kinds):
         axes = figure.add_subplot(1, len(kinds), k + 1)
         names = list(dict.fromkeys(s.group for s in specimens if s.kind == kind))
+        is_marked = any(s.failure for s in specimens if s.kind == kind)
         forces = [[s.force_n for s in specimens if (s.kind, s.group) == (kind, name)] for name in names]
         axes.boxplot(forces, tick_labels=names, widths=0.5, showfliers=False, medianprops={"color": "tab:red"})
         for place, name in enumerate(names, start=1):
@@ -142,8 +145,9 @@ def draw_boxes(specimens: Sequence[Specimen], path: Path) -> None:
             for j, s in enumerate(members):
                 shift = 0.16 * ((j + 0.5) / len(members) - 0.5)
                 seen = axes.get_legend_handles_labels()[1]
-                label = s.failure if s.failure and s.failure not in seen else None
-                axes.plot(place + shift, s.force_n, marks[s.failure], ms=5, color="0.25", alpha=0.8, label=label)
+                label = s.failure or ("not marked" if is_marked else "")
+                name = label if label not in seen else ""
+                axes.plot(place + shift, s.force_n, marks[s.failure], ms=5, color="0.25", alpha=0.8, label=name)
         axes.set_ylabel(labels[kind])
         axes.set_ylim(0, None)
         axes.set_title(f"({'ab'[k]}) {kind}")

@@ -1,14 +1,16 @@
 """Read what a testing machine exports: load against crosshead displacement, as CSV (Instron Bluehill and alike).
 
-A file has rows of anything (parameters, results), then one row of column names with the units in it (``Load (N)``) or
-in the row below (``(N)``), then numbers to the end. Comma, semicolon or tab between columns; a decimal comma where the
-columns are not separated by commas. A row whose first cell is ``Failure``, ``Failure type`` or ``Failure mode``, alone
-or with a colon, marks how the specimen failed (``Failure type : material``, ``Failure,material``); a failure load or
-criterion is a row of anything. Out come millimetres, newtons and seconds.
+A file has rows of anything (parameters, results), then one row of column names with the units in it (``Load (N)``,
+``Load [N]``) or in the row below (``(N)``, ``N``), then numbers to the end; empty lines count nowhere. Comma, semicolon
+or tab between columns; a decimal comma where the columns are not separated by commas. A row whose first cell is
+``Failure``, ``Failure type`` or ``Failure mode``, alone or with a colon, marks how the specimen failed
+(``Failure type : material``, ``Failure,material``); a failure load or criterion is a row of anything. Out come
+millimetres, newtons and seconds.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
@@ -21,7 +23,7 @@ from cad.errors import FileError
 
 NAMES = {
     "time_s": ("time", "test time"),
-    "displacement_mm": ("extension", "displacement", "crosshead", "position", "stroke"),
+    "displacement_mm": ("extension", "displacement", "crosshead", "position", "stroke", "travel"),
     "load_n": ("load", "force"),
 }
 UNITS = {
@@ -30,8 +32,10 @@ UNITS = {
     "load_n": {"n": 1.0, "kn": 1000.0, "lbf": 4.4482216152605, "kgf": 9.80665},
 }
 FAILURES = ("adhesive", "cohesive", "material", "mixed")
+UNIT_CELL = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 FAILURE_CELL = re.compile(r"failure(?:\s+(?:type|mode))?\s*(?::\s*(.*))?")
 LEAST_ROWS = 20
+GAP = "a gap in the record; test again"
 GAP_RATIO = 8.0  # a step of this many usual steps is a gap in the record
 BACK_MM = 0.5  # the crosshead does not go back further than its own play
 FLAT_SHARE = 0.2  # of its largest load, what a record may go below zero: zero drift and a swinging grip
@@ -73,11 +77,7 @@ def read_record(path: Path) -> Record:
 
 
 def _rows(path: Path) -> list[list[str]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: cannot be read as text ({error}): export it as CSV, UTF-8") from error
-    lines = text.splitlines()
+    lines = _text(path).splitlines()
     mark = max(";\t,", key=lambda sign: sum(line.count(sign) > 0 for line in lines)) if lines else ","
     if sum(";" in line for line in lines) * 2 > len(lines):
         mark = ";"
@@ -85,6 +85,20 @@ def _rows(path: Path) -> list[list[str]]:
     if mark != ",":
         rows = [[re.sub(r"^([+-]?\d+),(\d+)", r"\1.\2", cell) for cell in row] for row in rows]
     return rows
+
+
+def _text(path: Path) -> str:
+    """The file as text; a Windows computer writes its own code page or UTF-16 where Unicode was not asked for."""
+    try:
+        data = path.read_bytes()
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return data.decode("utf-16")
+        try:
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return data.decode("cp1252")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot be read as text ({error}): export it as CSV, UTF-8") from error
 
 
 def _failure(path: Path, rows: list[list[str]]) -> str:
@@ -104,15 +118,16 @@ def _columns(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, tuple[in
         places = {name: _place(row, words) for name, words in NAMES.items()}
         if places["displacement_mm"] is None or places["load_n"] is None:
             continue
-        below = rows[number + 1] if number + 1 < len(rows) else []
+        after = next((k for k in range(number + 1, len(rows)) if any(rows[k])), len(rows))
+        below = rows[after] if after < len(rows) else []
         units_below = bool(below) and all(_number(cell) is None for cell in below)
         columns = {}
         for name, place in places.items():
             if place is not None:
-                line = number + 2 if units_below else number + 1
+                line = after + 1 if units_below else number + 1
                 cell = below[place] if units_below and place < len(below) else row[place]
                 columns[name] = (place, _factor(path, line, name, row[place], cell))
-        return number, columns, number + (2 if units_below else 1)
+        return number, columns, after + 1 if units_below else after
     raise FileError(
         f"{path}: no row names a displacement ({', '.join(NAMES['displacement_mm'])}) and a load "
         f"({', '.join(NAMES['load_n'])}): export the raw data with column names"
@@ -121,15 +136,15 @@ def _columns(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, tuple[in
 
 def _place(row: list[str], words: tuple[str, ...]) -> int | None:
     for k, cell in enumerate(row):
-        plain = re.sub(r"\(.*?\)", "", cell).strip().lower()
+        plain = UNIT_CELL.sub("", cell).strip().lower()
         if any(plain == word or plain.endswith(f" {word}") for word in words):
             return k
     return None
 
 
 def _factor(path: Path, line: int, name: str, title: str, cell: str) -> float:
-    unit = re.search(r"\(([^)]*)\)", cell)
-    word = (unit[1] if unit else cell).strip().lower()
+    units = UNIT_CELL.findall(cell)  # the last: "Displacement (Strain 1) (mm)" names the gauge first
+    word = (units[-1] if units else cell).strip().lower()
     known = UNITS[name]
     if word not in known:
         raise FileError(
@@ -144,17 +159,17 @@ def _numbers(
 ) -> tuple[np.ndarray, list[int]]:
     """Numbers (n, columns) in the file's own units, and the line of each row."""
     values, lines = [], []
-    last = len(rows)
-    while last > first and not any(rows[last - 1]):
-        last -= 1
-    for number in range(first, last):
+    for number in range(first, len(rows)):
+        if not any(rows[number]):
+            continue
         row = []
         for place, _ in columns.values():
             cell = rows[number][place] if place < len(rows[number]) else ""
             value = _number(cell)
             if value is None:
                 title = rows[head][place]
-                raise FileError(f"{path}:{number + 1}: {title}={cell!r} is no number: a gap in the record; test again")
+                why = "export a decimal point, nothing between thousands" if "," in cell else GAP
+                raise FileError(f"{path}:{number + 1}: {title}={cell!r} is no number: {why}")
             row.append(value)
         values.append(row)
         lines.append(number + 1)

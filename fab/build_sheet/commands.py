@@ -36,7 +36,7 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
 
 
 def ring_command(data: SheetData) -> str:
-    """The command that makes the LED ring's files; clearance and silicone play no part in it."""
+    """The command that makes the LED ring's files, which depend on neither clearance nor silicone."""
     params = data.layout.params
     design = f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
     return f"{camera_setting()}make ring {design}{data.exports_option}"

@@ -81,7 +81,7 @@ def short_limit(limit: str) -> str:
 
 
 def _gates(data: SheetData) -> list[Block]:
-    """All gates, two a row: they are for whoever doubts, not for the bench."""
+    """All gates, two a row: an appendix, as no step at the bench needs them."""
     cells = [
         (_breakable(c["name"]), f"{c['value']:.4g}", short_limit(c["limit"]) if c["ok"] else f"{c['limit']} FAILED")
         for c in sorted(data.checks, key=lambda c: bool(c["ok"]))

@@ -115,7 +115,7 @@ def require_ours(final: Path, record: str) -> dict[str, str]:
 
 
 def sweep(final: Path, record: str) -> None:
-    """Finish or remove what dead runs left beside a folder: a partial folder goes, a ready one is moved into place."""
+    """Finish or remove what killed runs left beside a folder: a partial one goes, a ready one is moved into place."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
         with lock_of_the_dead(path) as dead:

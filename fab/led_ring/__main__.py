@@ -55,11 +55,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     return COMMAND.run(
         argv,
-        lambda options, heard: make_ring(
+        lambda options, interrupts: make_ring(
             parse_design(options),
             parse_length("leds", options["leds"]),
             Path(options["exports"]),
-            heard.raise_swallowed,
+            interrupts.raise_swallowed,
         ),
     )
 

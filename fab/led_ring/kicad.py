@@ -1,9 +1,9 @@
 """The LED ring as a KiCad project (format of KiCad 7): footprints, nets, tracks, holes, ground plane and legend.
 
 Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
-footprint is written at its part's centre without a turn, its pads turned each by itself: the same copper, whatever a
-reader thinks of turned and mirrored footprints. The board's layers are those of the Gerber files, not another
-drawing of them.
+footprint is written at its part's centre, turned as in the placement table, so that KiCad's own position file agrees
+with it. As KiCad has it, a pad's place is written in the footprint's turned frame, its turn in the board's. The
+board's layers are those of the Gerber files, not another drawing of them.
 """
 
 from __future__ import annotations
@@ -106,12 +106,13 @@ def _circle(radius_mm: float) -> str:
 
 def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
     """One part with its pads."""
-    letter, (x, y) = SIDES[place.side], place.centre_mm
+    letter = SIDES[place.side]
+    at = f"{_at(place.centre_mm)} {place.rotation_deg:.6f}"
     text = "(effects (font (size 0.8 0.8) (thickness 0.12)) hide)"
-    pads = [_pad(pad, (x, y), nets) for pad in copper.pads if pad.reference == place.reference]
+    pads = [_pad(pad, place, nets) for pad in copper.pads if pad.reference == place.reference]
     return "\n".join(
         [
-            f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {_at((x, y))})',
+            f' (footprint "endcap:{place.part.package}" (layer "{letter}.Cu") (at {at})',
             f'  (descr "{place.part.description}, {place.part.maker} {place.part.part_number}")',
             f'  (path "/{identity(place.reference)}") (solder_paste_margin {-PASTE_SHRINK_MM:g}) (attr smd)',
             f'  (fp_text reference "{place.reference}" (at 0 0) (layer "{letter}.SilkS") {text})',
@@ -122,14 +123,28 @@ def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
     )
 
 
-def _pad(pad: Pad, origin: tuple[float, float], nets: dict[str, int]) -> str:
-    letter = SIDES[pad.side]
-    x, y = pad.centre[0] - origin[0], origin[1] - pad.centre[1]
+def _pad(pad: Pad, place: Placement, nets: dict[str, int]) -> str:
+    letter, centre = SIDES[pad.side], place.centre_mm
+    x, y = turned(pad.centre[0] - centre[0], centre[1] - pad.centre[1], -place.rotation_deg)
     return (
         f'  (pad "{pad.pin}" smd rect (at {x:.6f} {y:.6f} {pad.turn_deg % 360.0:.6f}) '
         f'(size {pad.width:g} {pad.height:g}) (layers "{letter}.Cu" "{letter}.Paste" "{letter}.Mask") '
         f'(net {nets[pad.net]} "{pad.net}"))'
     )
+
+
+def turned(x_mm: float, y_mm: float, angle_deg: float) -> tuple[float, float]:
+    """A point turned about the origin.
+
+    Args:
+        x_mm, y_mm: in KiCad's frame, y downward.
+        angle_deg: counter-clockwise as seen on the screen.
+
+    Returns:
+        ``(x, y)`` in mm, in the same frame.
+    """
+    cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return x_mm * cosine + y_mm * sine, y_mm * cosine - x_mm * sine
 
 
 def _plane(plane: BaseGeometry, net: int) -> str:
@@ -210,7 +225,8 @@ def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[s
         reference = next(text.text for text in footprint.texts if text.type == "reference")
         for pad in footprint.pads:
             layer = next(name for name in shapes if name in pad.layers)
-            place = (footprint.at.x + pad.at.x - ORIGIN_MM, ORIGIN_MM - footprint.at.y - pad.at.y)
+            x, y = turned(pad.at.x, pad.at.y, footprint.at.rotation or 0.0)
+            place = (footprint.at.x + x - ORIGIN_MM, ORIGIN_MM - footprint.at.y - y)
             turn = pad.at.rotation or 0.0
             land = Pad(reference, pad.number, pad.net.name, "", place, pad.size.x, pad.size.y, turn)
             shapes[layer].append(land.shape)

@@ -120,9 +120,9 @@ def slice_design(slicer: str, export: Export, how: SliceOptions, ask: Callable[[
 
     known = project_names(export)
     names = known if how.parts == "all" else how.parts.split(",")
-    if strangers := sorted(set(names) - set(known)):
+    if unknown := sorted(set(names) - set(known)):
         raise ParameterError(
-            f"parts={','.join(strangers)} not printed here: choose among {', '.join(known)}", name="parts"
+            f"parts={','.join(unknown)} not printed here: choose among {', '.join(known)}", name="parts"
         )
     if how.parts != "all":
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
@@ -169,7 +169,7 @@ def _side_by_side(export: Export, where: Printer, ask: Callable[[], None]) -> li
 def _sliced_and_gated(
     slicer: str, export: Export, plates: Sequence[Plate], folder: Path, how: SliceOptions, ask: Callable[[], None]
 ) -> tuple[list[SliceResult], list[Check]]:
-    """Slice side by side, print the summary, and insist on the gates."""
+    """Slice side by side, print the summary, and stop where a gate did not hold."""
     from fab.slice.projects import GYROID
     from fab.slice.result import summary
 

@@ -132,7 +132,11 @@ class _Reader:
         self.piece = -1
 
     def line(self, line: str) -> None:
-        """Take one line."""
+        """Take one line: move, change of state, or comment of the slicer.
+
+        Raises:
+            FileError: it is an arc (G2, G3).
+        """
         if line.startswith(("G1 ", "G0 ")):
             self._move(line)
         elif line.startswith(("; printing object", "; stop printing object")):

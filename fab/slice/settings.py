@@ -172,7 +172,7 @@ class PrintSettings:
             **dict.fromkeys(("bed_temperature", "first_layer_bed_temperature"), str(filament.bed_c)),
             "fan_always_on": "1",
             "disable_fan_first_layers": "3",
-            "min_fan_speed": str(filament.fan_percent),
+            **dict.fromkeys(PRUSA_FANS, str(filament.fan_percent)),
         }
 
     def orca(self) -> dict[str, str | list[str]]:
@@ -213,7 +213,7 @@ class PrintSettings:
             **{key: [str(filament.bed_c)] for key in ORCA_PLATES},
             "reduce_fan_stop_start_freq": ["1"],
             "close_fan_the_first_x_layers": ["3"],
-            "fan_min_speed": [str(filament.fan_percent)],
+            **{key: [str(filament.fan_percent)] for key in ORCA_FANS},
         }
 
 
@@ -235,6 +235,10 @@ ORCA_LINES = (
     "internal_solid_infill_line_width",
     "top_surface_line_width",
 )
+
+# Where one is left out, the fan runs at 100 % over bridges and short layers, over TPU and PETG, too.
+PRUSA_FANS = ("min_fan_speed", "max_fan_speed", "bridge_fan_speed")
+ORCA_FANS = ("fan_min_speed", "fan_max_speed", "overhang_fan_speed")
 
 FLANGE = Region(walls=3, top_layers=4, bottom_layers=4, density_percent=100, pattern="rectilinear")
 CUP = Region(walls=3, top_layers=4, bottom_layers=4, density_percent=10)

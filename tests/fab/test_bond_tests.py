@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cad.errors import FileError
-from fab.bond_tests.__main__ import main, read_folder
+from fab.bond_tests.__main__ import draw_boxes, main, read_folder, report
 from fab.bond_tests.files import Record, read_record
 from fab.bond_tests.results import Specimen, compare, evaluate, holm, initial_peak, mean_interval, mean_peel, summarize
 
@@ -96,6 +97,38 @@ def test_semicolons_and_decimal_commas(tmp_path, cell):
     lines = [row.format(a / 10, a, b).replace(".", ",") for a, b in zip(x, y, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(["Time (s);Extension (mm);Load (N)", *lines]))
     assert read_record(tmp_path / "a.csv").load_n.max() == pytest.approx(y.max(), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "between"),
+    [
+        ("Time [s];Extension [mm];Load [N]", ""),
+        ("Time;Extension;Load\n[s];[mm];[N]", ""),
+        ("Reading;Travel [mm];Load [N]", ""),
+        ("Time (s);Displacement (Strain 1) (mm);Load (N)", ""),
+        ("Time (s);Extension (mm);Load (N)\n", ""),
+        ("Time (s);Extension (mm);Load (N)\n;;", ""),
+        ("Time;Extension;Load\n\ns;mm;N\n", ""),
+        ("Time (s);Extension (mm);Load (N)", "\r"),
+    ],
+)
+@pytest.mark.parametrize("code", ["utf-8-sig", "utf-16", "cp1252"])
+def test_dialects_of_other_makers(tmp_path, header, between, code):
+    x, y = pull()
+    lines = [f"{a / 10:.5f};{a:.5f};{b:.5f}".replace(".", ",") for a, b in zip(x, y, strict=True)]
+    text = "\n".join(["Prüfer: Müller, Raum 3", header, *lines, ";;", ""]).replace("\n", between + "\r\n")
+    (tmp_path / "a.csv").write_bytes(text.encode(code))
+    record = read_record(tmp_path / "a.csv")
+    assert record.load_n.max() == pytest.approx(y.max(), abs=1e-5)
+    assert len(record.load_n) == len(y)
+
+
+@pytest.mark.parametrize("cell", ["1,001.33", "0,0000"])
+def test_a_comma_in_a_number_is_refused_as_a_comma(tmp_path, cell):
+    path = write(tmp_path / "a.csv", *pull())
+    path.write_text(path.read_text().replace(path.read_text().split("\n")[99].split(",")[2], f'"{cell}"'))
+    with pytest.raises(FileError, match=rf"a\.csv:100: Load='{cell}' is no number: export a decimal point"):
+        read_record(path)
 
 
 @pytest.mark.parametrize(
@@ -238,6 +271,17 @@ def test_files_count_whatever_the_case_of_their_ending(tmp_path):
     assert [specimen.name for specimen in read_folder(tmp_path)] == ["B.CSV", "a.csv"]
 
 
+def test_a_specimen_without_a_mark_has_its_own_sign_in_the_picture(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: drawn.append(figure))
+    some = specimens("peel", "a", [3.0, 4.0])
+    draw_boxes([replace(some[0], failure="adhesive"), replace(some[1], failure="")], tmp_path / "a.png")
+    handles, labels = drawn[0].axes[0].get_legend_handles_labels()
+    assert labels == ["adhesive", "not marked"]
+    assert handles[0].get_marker() != handles[1].get_marker()
+
+
 def test_groups_of_one_have_no_interval():
     (group,) = summarize(specimens("peel", "a", [3.0]))
     assert (group.count, math.isnan(group.low_n)) == (1, True)
+    assert "nan" not in report([group], [])

@@ -47,6 +47,25 @@ def test_pla_is_cooled_however_long_a_layer_takes(tmp_path):
     assert orca["close_fan_the_first_x_layers"] == [part_settings("base", "PLA").prusa()["disable_fan_first_layers"]]
 
 
+@pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
+@pytest.mark.parametrize(("part", "material"), [("interface", "TPU 95A"), ("ring_spacer", "PETG")])
+def test_the_fan_keeps_to_its_filament_over_bridges_and_short_layers(tmp_path, part, material):
+    """By the slicer's own defaults it blows at 100 % there: TPU and PETG come off their own layers."""
+    lid = trimesh.creation.revolve([(0, 3), (5, 3), (5, 0), (9, 0), (9, 5), (0, 5), (0, 3)])
+    assert lid.is_watertight
+    settings = part_settings(part, material)
+    write_prusa(single("lid", settings, (Volume("lid", lid),)), tmp_path / "lid.3mf")
+    slice_to_gcode(SLICER, tmp_path / "lid.3mf", tmp_path / "lid.gcode")
+    text = (tmp_path / "lid.gcode").read_text()
+    assert ";TYPE:Bridge infill" in text
+    assert read_gcode(tmp_path / "lid.gcode").slicer_time_s < 60 * text.count(";LAYER_CHANGE")
+    speeds = {float(speed) for speed in re.findall(r"^M106 S([0-9.]+)", text, re.MULTILINE)} - {0.0}
+    wanted = filament(material).fan_percent
+    assert speeds == ({2.55 * wanted} if wanted else set())
+    orca = settings.orca()
+    assert {*orca["fan_min_speed"], *orca["fan_max_speed"], *orca["overhang_fan_speed"]} == {str(wanted)}
+
+
 @pytest.mark.parametrize("material", ["PLA", "PETG", "TPU 95A"])
 def test_orca_projects_slice_with_relative_filament_and_keep_their_bed_warm_on_any_plate(material):
     """OrcaSlicer refuses relative filament (its default) without a reset; a plate's own bed is 35 to 45 degrees."""

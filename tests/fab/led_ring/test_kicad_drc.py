@@ -5,6 +5,7 @@ Its design rules and electrical rules, board against schematic, and its own plot
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -18,6 +19,7 @@ from shapely.affinity import translate
 from shapely.geometry import Point
 
 from cad import led_parts
+from fab.led_ring.bom import placement_csv
 from fab.led_ring.copper import build_copper
 from fab.led_ring.gerber import board_files, covered_area, read_archive, write_archive
 from fab.led_ring.kicad import ORIGIN_MM, keyholed, write_project
@@ -110,6 +112,19 @@ def test_what_kicad_plots_are_our_gerber_files(folder, leds):
     drilled = [hole.converted("mm") for hole in ExcellonFile.open(folder / "plots" / "led_ring.drl").objects]
     found = sorted((hole.x - ORIGIN_MM, hole.y + ORIGIN_MM, hole.aperture.diameter) for hole in drilled)
     assert found == [pytest.approx(hole, abs=1e-3) for hole in sorted(holes)]
+
+
+def test_kicads_position_file_is_our_placement_table(folder):
+    write_project(build_copper(9), 9, folder)
+    kicad(folder, "pcb", "export", "pos", "--units", "mm", "--format", "csv", "-o", "pos.csv", "led_ring.kicad_pcb")
+    rows = {row["Ref"]: row for row in csv.DictReader((folder / "pos.csv").read_text().splitlines())}
+    ours = {row["designator"]: row for row in csv.DictReader(placement_csv(9).splitlines())}
+    assert set(rows) == set(ours)
+    for name, row in ours.items():
+        theirs = float(rows[name]["PosX"]) - ORIGIN_MM, float(rows[name]["PosY"]) + ORIGIN_MM
+        assert theirs == pytest.approx((float(row["mid_x_mm"]), float(row["mid_y_mm"])), abs=1e-3), name
+        assert abs((float(rows[name]["Rot"]) - float(row["rotation_deg"]) + 180) % 360 - 180) < 0.01, name
+        assert rows[name]["Side"] == row["layer"], name
 
 
 def test_an_outline_with_slits_encloses_the_same_area():

@@ -183,6 +183,11 @@ def _lost(state: State, layout: Layout) -> list[str]:
             f"begun without the force of {names}: the shape may be wrong by more than its covariance says, until "
             "they report and the robot has stood still for a second"
         )
+    if state.began_lifted:
+        notes.append(
+            "begun with no endcap on the ground: the shape may be wrong by more than its covariance says, until the robot "
+            "has stood on them for a second"
+        )
     if state.began_unmeasured:
         names = ", ".join(str(layout.sensor_of_bar[bar]) for bar in state.began_unmeasured)
         notes.append(

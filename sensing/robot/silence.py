@@ -53,15 +53,17 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
 def doubtful(state: State) -> bool:
     """Whether the shape may be off by more than its covariance says, and one begun anew would be better.
 
-    A start without an endcap's force or a gyroscope is no better as long as these report nothing.
+    A start without an endcap's force or a gyroscope is no better as long as these report nothing, and one with no endcap
+    on the ground none before one is.
 
     Args:
         state: of the filter.
     """
     heard = all(state.time_s - state.reading_s[endcap] < LONGEST_GAP_S for endcap in state.began_silent)
     heard &= all(state.time_s - state.rate_s[bar] <= SILENT_S for bar in state.began_unmeasured)
+    lands = state.began_lifted and any(one is not None and one.known and one.touching for one in state.contacts)
     lacked = bool(state.began_silent or state.began_unmeasured)
-    return state.began_moving or state.unseen_s >= UNSEEN_S or (lacked and heard)
+    return state.began_moving or lands or state.unseen_s >= UNSEEN_S or (lacked and heard)
 
 
 def pauses(state: State) -> bool:

@@ -38,8 +38,8 @@ class State:
         held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`). anew_s: when it was found
             again; -inf without. began_moving: whether the robot moved as the estimate began. began_silent: numbers
             of the endcaps whose force was unknown then. began_unmeasured: numbers of the bars whose gyroscope was
-            silent then. began_unbalanced: whether no shape balanced the forces then. unseen_s: for how long several
-            gyroscopes were silent at once.
+            silent then. began_lifted: whether no endcap touched then. began_unbalanced: whether no shape balanced the
+            forces then. unseen_s: for how long several gyroscopes were silent at once.
     """
 
     time_s: float
@@ -78,6 +78,7 @@ class State:
     began_moving: bool = False
     began_silent: tuple[int, ...] = ()
     began_unmeasured: tuple[int, ...] = ()
+    began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
 

@@ -76,7 +76,7 @@ def test_what_begins_anew_heads_as_what_was_held():
 
 
 def test_what_begins_anew_is_as_sure_of_its_place_far_from_the_origin_as_there():
-    """Errors of places refer to a turn about the origin: 14 m from it a silence of 3 s was stated as 16 m, not 1 m."""
+    """Errors of places refer to a turn about the origin: 14 m from it a silence of 3 s was stated as 13 m, not 1 m."""
     estimator = RobotEstimator(ROBOT)
     feed(estimator, standing_samples(ROBOT, 1.5)[1])
     first = estimator._history.at(1.4).state

@@ -53,8 +53,8 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
 def doubtful(state: State) -> bool:
     """Whether the shape may be off by more than its covariance says, and one begun anew would be better.
 
-    A start without an endcap's force or a gyroscope is no better as long as these report nothing, and one with no endcap
-    on the ground none before one is.
+    A start without an endcap's force or a gyroscope is no better as long as these report nothing, and one with no
+    endcap on the ground none before one is.
 
     Args:
         state: of the filter.

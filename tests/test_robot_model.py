@@ -124,6 +124,15 @@ def test_the_folder_is_written_whole_and_the_record_lists_every_file(tmp_path, s
     assert {path.name: path.read_bytes() for path in made.iterdir()} == first
 
 
+def test_a_slippery_floor_is_no_fault_of_the_springs(tmp_path, stub, capsys):
+    """At 50 degrees D=99 T=6.5 pulls with 0.4 of the normal force: at friction 0.35 it slipped and nothing was made."""
+    pytest.importorskip("mujoco")
+    assert command.main(["D=99", "T=6.5", "friction=0.35", f"exports={tmp_path}"]) == 0, capsys.readouterr().err
+    made = tmp_path / "D99_T6.5" / "robot_model"
+    assert 'friction="0.35 ' in (made / "endcap.xml").read_text()
+    assert json.loads((made / "robot_model.json").read_text())["mujoco"]["force_within_limit"]
+
+
 def test_without_mujoco_it_says_so_and_writes(tmp_path, stub, capsys, monkeypatch):
     monkeypatch.setattr(checked, "is_installed", lambda: False)
     monkeypatch.setattr(usd, "is_installed", lambda: False)

@@ -178,6 +178,22 @@ def _lost(state: State, layout: Layout) -> list[str]:
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")
+    notes += _begun(state, layout)
+    if state.unseen_s >= UNSEEN_S:
+        notes.append(
+            f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "
+            "their covariance says, until the robot has stood still for a second"
+        )
+    at = layout.velocity(layout.leader)
+    speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
+    if not speed_sd <= LOST_M_S:  # also where it is no number
+        notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
+    return notes
+
+
+def _begun(state: State, layout: Layout) -> list[str]:
+    """What was missing as the estimate began."""
+    notes = []
     if state.began_moving:
         notes.append("begun while the robot moved: its shape may be wrong until it has stood still for a second")
     if state.began_silent:
@@ -185,6 +201,11 @@ def _lost(state: State, layout: Layout) -> list[str]:
         notes.append(
             f"begun without the force of {names}: the shape may be wrong by more than its covariance says, until "
             "they report and the robot has stood still for a second"
+        )
+    if state.began_lifted:
+        notes.append(
+            "begun with no endcap on the ground: the shape may be wrong by more than its covariance says, until the "
+            "robot has stood on them for a second"
         )
     if state.began_unmeasured:
         names = ", ".join(str(layout.sensor_of_bar[bar]) for bar in state.began_unmeasured)
@@ -197,15 +218,6 @@ def _lost(state: State, layout: Layout) -> list[str]:
             "begun with forces under which the bars are in no balance: the shape is wrong by more than its covariance "
             "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touched"
         )
-    if state.unseen_s >= UNSEEN_S:
-        notes.append(
-            f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "
-            "their covariance says, until the robot has stood still for a second"
-        )
-    at = layout.velocity(layout.leader)
-    speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
-    if not speed_sd <= LOST_M_S:  # also where it is no number
-        notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
     return notes
 
 

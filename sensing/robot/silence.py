@@ -15,6 +15,7 @@ from sensing.robot.contacts import LONGEST_GAP_S, release
 from sensing.robot.layout import Layout
 from sensing.robot.state import State
 from sensing.tensegrity.description import Array
+from sensing.tensegrity.vectors import minus_cross
 
 SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
 HELD_AFTER_S = 1.0  # of silence
@@ -56,15 +57,17 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
 def doubtful(state: State) -> bool:
     """Whether the error of the shape may exceed its covariance, so that a new start would be better.
 
-    A start without an endcap's force or a gyroscope is no better as long as these report nothing.
+    A start without an endcap's force or a gyroscope is no better as long as these report nothing, and one with no
+    endcap on the ground none before one is.
 
     Args:
         state: of the filter.
     """
     heard = all(state.time_s - state.reading_s[endcap] < LONGEST_GAP_S for endcap in state.began_silent)
     heard &= all(state.time_s - state.rate_s[bar] <= SILENT_S for bar in state.began_unmeasured)
+    lands = state.began_lifted and any(one is not None and one.known and one.touching for one in state.contacts)
     lacked = bool(state.began_silent or state.began_unmeasured)
-    return state.began_moving or state.unseen_s >= UNSEEN_S or (lacked and heard)
+    return state.began_moving or lands or state.unseen_s >= UNSEEN_S or (lacked and heard)
 
 
 def pauses(state: State) -> bool:
@@ -109,14 +112,18 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     back = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
     state.turn[:] = back @ state.turn
     state.place[:] = state.place @ back.T
-    state.place[:, :2] += held.place[layout.leader, :2] - state.place[layout.leader, :2]
+    shift = np.zeros(3)
+    shift[:2] = held.place[layout.leader, :2] - state.place[layout.leader, :2]
+    state.place += shift
     whole = np.eye(layout.size)
     vectors = layout.size // 3 * 3
     whole[:vectors, :vectors] = np.kron(np.eye(layout.size // 3), back)
+    for bar in range(layout.bars):  # what turns it turns it where it stands: errors of places refer to the origin
+        whole[layout.place(bar), layout.turn(layout.leader)] = -minus_cross(shift) @ back
     state.covariance = whole @ state.covariance @ whole.T
-    place, about = layout.place(layout.leader), layout.turn(layout.leader).start + 2
+    about = layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
-    _spread(state, heading, held.covariance[place, place], layout)
+    _spread(state, heading, _of_place(held, layout), layout)
     state.friction, state.anew_s = held.friction.copy(), state.time_s
     state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
     if doubtful(held):  # what a wrong shape taught is wrong, too
@@ -124,6 +131,14 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     state.creep, state.softness = held.creep.copy(), held.softness.copy()
     learned = np.ix_((layout.creep, layout.softness), (layout.creep, layout.softness))
     state.covariance[learned] = held.covariance[learned]
+
+
+def _of_place(state: State, layout: Layout) -> Array:
+    """(3, 3) covariance of where the leading bar is, whichever way it is turned."""
+    rows = np.zeros((3, layout.size))
+    rows[:, layout.place(layout.leader)] = np.eye(3)
+    rows[:, layout.turn(layout.leader)] = minus_cross(state.place[layout.leader])
+    return np.asarray(rows @ state.covariance @ rows.T)
 
 
 def _spread(state: State, turn: Array, place: Array, layout: Layout) -> None:

@@ -199,6 +199,7 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)
+    state.began_lifted = not problem.contacts and not problem.silent
     lacks = (state.time_s - gathered.heard_s[:, 0] > SILENT_S) & np.array([bool(s) for s in layout.sensor_of_bar])
     state.began_unmeasured = tuple(np.flatnonzero(lacks).tolist())
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)

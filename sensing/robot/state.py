@@ -52,6 +52,7 @@ class State:
         began_moving: whether the robot moved as the estimate began.
         began_silent: numbers of the endcaps whose force was unknown then.
         began_unmeasured: numbers of the bars whose gyroscope was silent then.
+        began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
         unseen_s: for how long several gyroscopes were silent at once.
     """
@@ -92,6 +93,7 @@ class State:
     began_moving: bool = False
     began_silent: tuple[int, ...] = ()
     began_unmeasured: tuple[int, ...] = ()
+    began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from cad.errors import FileError
 from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.robot_model.model import FRICTION
 from sensing.simulator.solid.element import Array
 
 RAMP_S, SETTLED_S, CREEP_S = 1.0, 1.0, 1.0
@@ -62,8 +63,9 @@ class Rig:
     Args:
         path: MJCF of one endcap.
         tilt_deg, azimuth_deg: where the plane touches.
-        carried_kg: besides the endcap.
-        travels: whether it may also move along the meridian.
+        carried_kg: mass carried besides the endcap.
+        travels: whether it may also move along the meridian. Where it may not, the friction is at least that of a dry
+            floor, because the shell's states that it is compared with belong to a contact that does not slip.
         name: of its body.
 
     Raises:
@@ -98,6 +100,8 @@ class Rig:
         body.add_joint(name="depth", type=kind, axis=list(self.outward))
         if travels:
             body.add_joint(name="travel", type=kind, axis=list(self.meridian))
+        else:
+            sphere.friction[0] = max(sphere.friction[0], FRICTION)
         sphere.parent.gravcomp = 1.0  # the pressed shell that it is compared with has no weight
         load = body.add_body(name="carried")
         load.mass, load.inertia, load.explicitinertial = carried_kg, [carried_kg * 1e-3] * 3, True

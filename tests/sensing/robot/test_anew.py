@@ -32,6 +32,16 @@ def late_endcap(samples):
     return [s for s in samples if not (isinstance(s, FootSample) and s.endcap == late and s.time_s < 3.0)]
 
 
+def lifted_start(samples):
+    """Somebody holds it up for three seconds: no endcap touches."""
+    return [
+        replace(s, force_n=np.zeros(3), torque_nm=np.zeros(3), touching=False)
+        if isinstance(s, FootSample) and s.time_s < 3.0
+        else s
+        for s in samples
+    ]
+
+
 def moving_start(samples):
     """All bars swing by seven degrees for three seconds, past the limit of the start."""
     moved, swing = [], 2 * math.pi * 1.6
@@ -58,6 +68,7 @@ def worst_turn_deg(estimate, poses) -> float:
     others_long(
         [
             (late_endcap, "begun without the force"),
+            (lifted_start, "begun with no endcap on the ground"),
             (silent_gyroscopes, "several gyroscopes were silent"),
             (moving_start, "begun while the robot moved"),
         ],

@@ -16,6 +16,7 @@ from sensing.robot.estimator import RobotEstimator
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct
+from sensing.robot.report import report_of
 from sensing.robot.settings import Settings
 from sensing.robot.silence import MOVES_M_S, TURNS_RAD_S, follow_on, hold
 from sensing.robot.start import gather, goes_on, nothing_gathered
@@ -23,6 +24,7 @@ from sensing.robot.state import empty_state
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample
 from sensing.tensegrity.shape import rotation_of
+from sensing.tensegrity.vectors import minus_cross
 
 ROBOT = load_robot()
 LAYOUT = layout_of(ROBOT)
@@ -71,6 +73,35 @@ def test_what_begins_anew_heads_as_what_was_held():
     follow_on(new, held, LAYOUT)
     assert new.turn[leader] == pytest.approx(held.turn[leader]) and new.place[leader, :2] == pytest.approx([1.0, 2.0])
     assert new.covariance[turn, turn] - before == pytest.approx(np.diag([0.0, 0.0, 0.3**2]))
+
+
+def test_what_begins_anew_is_as_sure_of_its_place_far_from_the_origin_as_there():
+    """Errors of places refer to a turn about the origin: 14 m from it a silence of 3 s was stated as 13 m, not 1 m."""
+    estimator = RobotEstimator(ROBOT)
+    feed(estimator, standing_samples(ROBOT, 1.5)[1])
+    first = estimator._history.at(1.4).state
+    assert first is not None
+
+    def stated(state) -> np.ndarray:
+        return report_of(state, state.time_s, 0, [], LAYOUT, Settings()).centre_of_mass_covariance
+
+    def moved(shift: np.ndarray):
+        state, whole = first.copy(), np.eye(LAYOUT.size)
+        state.place += shift
+        for bar in range(LAYOUT.bars):
+            whole[LAYOUT.place(bar), LAYOUT.turn(LAYOUT.leader)] = -minus_cross(shift)
+        state.covariance = whole @ state.covariance @ whole.T
+        assert stated(state) == pytest.approx(stated(first), abs=1e-9)
+        return state
+
+    found = []
+    for shift in (np.zeros(3), np.array([14.0, -3.0, 0.0])):
+        held, new = moved(shift), first.copy()
+        hold(held, held.time_s + 3.0, LAYOUT)
+        follow_on(new, held, LAYOUT)
+        found.append(stated(new))
+    assert np.sqrt(found[0].diagonal()).max() < 1.0
+    assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("slips", [0.1, 0.5, 0.95])

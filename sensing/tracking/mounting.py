@@ -200,8 +200,8 @@ class MountingWatch:
     def _knocked(self, tracks: DotTracks, own_weight: OwnWeight | None) -> bool:
         """Whether all dots moved as one a picture ago, and have stayed there."""
         last, before, self._last, self._before = self._last, self._before, tracks, None
-        if before is not None:
-            return self._is_knock(before, tracks, own_weight)
+        if before is not None and last is not None:  # a picture that is shifted alone is followed by the way back
+            return self._is_knock(before, tracks, own_weight) or not self._is_knock(last, tracks, own_weight)
         if last is not None and self._is_knock(last, tracks, own_weight):
             self._before = last
         return False

@@ -26,8 +26,9 @@ from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models
+from sensing.weighing.at_rest import MOST_FLAGGED
 from sensing.weighing.dwell import Dwell, DwellError, fit_dwell
-from sensing.weighing.film import film_readings
+from sensing.weighing.film import film_readings, require_even
 from sensing.wrench.stiffness import Stiffness
 
 MOST_LEFT = 0.25  # E: of the creep; an undisturbed test leaves 0.02, a plate of 0.5 N that stays on 0.28
@@ -61,12 +62,14 @@ def _identify(options: argparse.Namespace) -> None:
         _require_picture(options.picture)
     config = load_config(options.config)
     endcap = chosen_endcap(config, options.endcap)
+    require_even(options.source)
     warm_up(lambda text: LOG.info(text))
     gain, model = Stiffness(endcap.gain, 0.0), configured_models(config, any_silicone=True)(endcap)
-    rows = []
+    rows, flagged = [], list[tuple[frozenset[str], str]]()
     for reading in film_readings(endcap, options.source, model):
         if reading.valid:
             rows.append([reading.estimate.time_s, *gain.applied(reading.estimate).force_n])
+            flagged += [(reading.estimate.flags, reading.reason)] if reading.estimate.flags else []
     if not rows:
         raise DwellError(f"{options.source}: no reading that counts")
     found = np.array(rows)
@@ -78,17 +81,28 @@ def _identify(options: argparse.Namespace) -> None:
         f"weight {result.level_n:.2f} N; creep in the dwell and what is left after it: {result.before_n:.3f} N without "
         f"the constants, {result.after_n:.3f} N with them (root mean square)"
     )
-    if result.left_share > MOST_LEFT:
-        LOG.warning(
-            f"sensing.dwell: warning: the constants leave {result.left_share:.0%} of the creep: did the weight stand "
-            "still, and was all of it taken off at once? repeat the test before live uses them"
-        )
+    _warn(result, flagged, len(rows))
     if options.picture:
         _draw(options.picture, found[:, 0], found[:, 1:] @ along - result.rest_n, result)
     if not options.dry_run:
         terms = [[float(f"{x:.4g}") for x in (term.strength, term.tau_s, term.sd)] for term in result.terms]
         change_entries(options.config, {endcap.name: {"relaxation": terms}})
         show(f"{options.config}: stored for {endcap.name}")
+
+
+def _warn(result: Dwell, flagged: Sequence[tuple[frozenset[str], str]], count: int) -> None:
+    """Say why the constants may be wrong: creep that they leave, and readings that live flags."""
+    if result.left_share > MOST_LEFT:
+        LOG.warning(
+            f"sensing.dwell: warning: the constants leave {result.left_share:.0%} of the creep: did the weight stand "
+            "still, and was all of it taken off at once? repeat the test before live uses them"
+        )
+    if len(flagged) > MOST_FLAGGED * count:
+        names = ", ".join(sorted(frozenset.union(*(flags for flags, _ in flagged))))
+        LOG.warning(
+            f"sensing.dwell: warning: {len(flagged)} of {count} readings are flagged ({names}), lastly because: "
+            f"{flagged[-1][1] or 'see docs/live.md'}; repeat the test before live uses the constants"
+        )
 
 
 def _along(force_n: np.ndarray) -> np.ndarray:
@@ -133,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
         "--source",
         required=True,
         metavar="FILE",
-        help="recording, video or folder of pictures (the first one untouched)",
+        help="recording, video or folder of pictures (30 a second; the first one untouched)",
     )
     parser.add_argument("--config", type=Path, default=Path("endcaps.toml"), metavar="FILE", help="(endcaps.toml)")
     parser.add_argument("--endcap", metavar="NAME", help="which one; may be left out where there is only one")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 
 import cv2
 
@@ -15,6 +17,7 @@ from sensing.records import Frame
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 DEFAULT_RATE_HZ = 30.0
+GAP_STEPS = 1.5  # of the usual step of a folder's numbers, which may be times that scatter
 MISSING = 2  # frames less than stated: containers without an index state an estimate, which may be off by one
 
 
@@ -70,6 +73,15 @@ class FolderSource:
     def __len__(self) -> int:
         return len(self._paths)
 
+    @property
+    def gaps(self) -> list[tuple[str, str]]:
+        """Names of neighbours between which pictures are missing: their numbers step by more than is usual here."""
+        numbers = [_by_number(path.stem) for path in self._paths]
+        steps = [_step(*pair) for pair in pairwise(numbers)]
+        usual = median(known) if (known := [step for step in steps if step]) else 0
+        names = pairwise(path.name for path in self._paths)
+        return [pair for pair, step in zip(names, steps, strict=True) if step > GAP_STEPS * usual]
+
     def __iter__(self) -> Iterator[Frame]:
         faults: list[str] = []
         for index, path in enumerate(self._paths):
@@ -83,6 +95,12 @@ class FolderSource:
                 frame = Frame(time_s, index, str(path), jpeg=faults[-1].encode(), fault=faults[-1])
             yield frame
         self.note = f"{len(faults)} of {len(self)} pictures cannot be read ({faults[0]})" if faults else ""
+
+
+def _step(one: list[str | int], other: list[str | int]) -> int:
+    """By how much the last number of a name rises from one to the next; 0 where the names differ elsewhere."""
+    alike = len(one) == len(other) > 2 and one[:-2] == other[:-2] and one[-1] == other[-1]
+    return int(other[-2]) - int(one[-2]) if alike else 0
 
 
 def _by_number(name: str) -> list[str | int]:

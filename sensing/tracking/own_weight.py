@@ -75,6 +75,14 @@ class OwnWeight:
             self._look(moved, live)
         return self._modes @ self.change_g if self.change_g.any() else None
 
+    def left_of(self, tracks: DotTracks) -> float:
+        """Third largest, px, of what own weight leaves of the motions; NaN where too few dots are seen."""
+        moved = self._seen.motion(tracks)
+        live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
+        if np.count_nonzero(live) < LEAST_DOTS:
+            return float("nan")
+        return float(fitted_change(moved, self._modes, live, self.change_g)[1])
+
     def _look(self, moved: Array, live: NDArray[np.bool_]) -> None:
         """Sets the change anew where the motions (n, 2) of the live dots show one."""
         change, left, news, most = fitted_change(moved, self._modes, live, self.change_g)

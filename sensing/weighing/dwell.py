@@ -34,6 +34,7 @@ from sensing.wrench.relaxation import Term, advanced
 Array = NDArray[np.float64]
 LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0  # under the weight, and after its release
 LEAST_LOAD_N = 3.0  # at D=130 T=8
+LIFTED_PART, LIFTED_READINGS = 0.5, 3  # below this part of the load, so often, the weight was lifted: creep is percents
 JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what still moves is creep
 GRID = 13  # relaxation times looked at in each round
 RESOLUTION = 0.002  # of the relaxation times, relative
@@ -136,6 +137,12 @@ def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, ND
     if time_s[last] - time_s[first] < LEAST_DWELL_S:
         stood_s = max(0.0, time_s[last] - time_s[first])
         raise DwellError(f"the weight stands for {stood_s:.1f} s: leave it for {LEAST_DWELL_S:g} s or more")
+    stood_n = force_n[first : last + 1]
+    if (stood_n < LIFTED_PART * top).sum() >= LIFTED_READINGS:
+        raise DwellError(
+            f"the force falls to {stood_n.min():.2g} N while the weight should stand with {top:.2g} N: put it on once "
+            "and leave it untouched until it is taken off"
+        )
     gone = np.flatnonzero(np.abs(force_n[loaded[-1] :]) < 0.2 * top)
     free = _settled(slope, int(loaded[-1] + gone[0]), 1) if len(gone) else len(time_s) - 1
     if time_s[-1] - time_s[free] < LEAST_AFTER_S:

@@ -23,6 +23,7 @@ from sensing.live.core.reading import EndcapReading
 from sensing.live.readable_frames import readable_frames
 from sensing.live.replay import Recorded, read_config
 from sensing.sources.choose import is_camera_number, open_frames
+from sensing.sources.files import DEFAULT_RATE_HZ, FolderSource
 
 RECORDING = ".mcap"
 
@@ -60,6 +61,25 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
     transient()
     if count < 0:
         raise FileError(f"{source}: no picture of {endcap.name} in it: is it the recording of another endcap?")
+
+
+def require_even(source: str) -> None:
+    """Refuse a folder in whose numbers pictures are missing: its pictures are given times as if there were none.
+
+    Args:
+        source: as of :func:`film_readings`; all but a folder is let pass, because it has times of its own.
+
+    Raises:
+        FileError: pictures are missing, or the folder cannot be read.
+    """
+    gaps = FolderSource(source).gaps if os.path.isdir(source) else []
+    if gaps:
+        more = f" and in {len(gaps) - 1} more places" if len(gaps) > 1 else ""
+        raise FileError(
+            f"{source}: by their numbers pictures are missing between {gaps[0][0]} and {gaps[0][1]}{more}, so times "
+            f"would be wrong (a folder has {DEFAULT_RATE_HZ:g} pictures a second): give all pictures, a recording or a "
+            "video"
+        )
 
 
 def require_design(recording: Path, endcap: EndcapConfig) -> None:

@@ -32,7 +32,7 @@ from sensing.wrench.quantiles import chi_square_quantile
 Array = NDArray[np.float64]
 MODEL_SD = 0.01  # E: of a load, by which the model is off beside its covariance: wall, contact, mesh
 ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is set
-CONTRADICTION = 1e-3  # probability with which consistent weights are refused
+CONTRADICTION = 1e-3  # probability with which consistent weights are refused, by all residuals or those along the loads
 ALIKE_DEG = 3.0  # E: verticals of poses that differ by less are those of one table
 SAME_DEG = 1e-6  # verticals that were given as one differ by rounding
 LEAST_POSES = 2  # a single wrong weight could not be noticed
@@ -84,6 +84,7 @@ class Gain:
         chi_square: of the residuals.
         freedom: degrees of freedom of that.
         residual_n: (n, 3) what is left of each pose.
+        along: chi-square of its part along the loads, the one that a wrong weight changes.
     """
 
     gain: float
@@ -91,11 +92,17 @@ class Gain:
     chi_square: float
     freedom: int
     residual_n: Array
+    along: float
 
     @property
     def limit(self) -> float:
         """Chi-square above which the poses contradict one another."""
         return chi_square_quantile(1 - CONTRADICTION, self.freedom)
+
+    @property
+    def limit_along(self) -> float:
+        """The same of :attr:`along`: forces across the loads that agree must not hide a weight that does not."""
+        return chi_square_quantile(1 - CONTRADICTION, (self.freedom + 1) // 3 - 1)
 
 
 def fit_gain(poses: Sequence[Pose]) -> Gain:
@@ -113,6 +120,9 @@ def fit_gain(poses: Sequence[Pose]) -> Gain:
         turned = _fitted([replace(p, load_n=p.weight_n * p.force_n / np.linalg.norm(p.force_n)) for p in poses])
         if turned.chi_square < found.chi_square / 2:  # most of it lies across the loads
             raise WeighingError(_leaning(poses, turned.gain, beyond))
+        raise WeighingError(_contradiction(poses, beyond))
+    if found.along > found.limit_along:
+        beyond = f"(chi-square along the loads {found.along:.0f}, at most {found.limit_along:.0f})"
         raise WeighingError(_contradiction(poses, beyond))
     return found
 
@@ -186,7 +196,9 @@ def _fitted(poses: Sequence[Pose]) -> Gain:
     of_weight = math.sqrt(np.einsum("ni,nij,nj->", share, weight, share))
     variance = gain**2 * model + weight
     chi_square = float(np.einsum("ni,ni->", residual, np.linalg.solve(variance, residual[:, :, None])[:, :, 0]))
-    return Gain(gain, math.hypot(of_model, of_weight), chi_square, 3 * len(poses) - 1, residual)
+    left = np.einsum("ni,ni->n", residual, loads) ** 2
+    on_it = float((left / np.einsum("ni,nij,nj->n", loads, variance, loads)).sum())
+    return Gain(gain, math.hypot(of_model, of_weight), chi_square, 3 * len(poses) - 1, residual, on_it)
 
 
 def _chi_square_across(pose: Pose, gain: float) -> float:

@@ -201,3 +201,20 @@ def test_pictures_of_a_folder_come_in_the_order_in_which_they_were_numbered(tmp_
     for name in names:
         (tmp_path / name).write_bytes(jpeg(8))
     assert [Path(frame.source).name for frame in FolderSource(tmp_path)] == names
+
+
+@pytest.mark.parametrize(
+    ("names", "gaps"),
+    [
+        ([f"{k}.jpg" for k in range(12)], []),
+        ([f"frame_{k:04d}.jpg" for k in range(0, 120, 10)], []),  # every tenth is even, too
+        (["a1.png", "a2.png", "a3.png", "a7.png", "a8.png"], [("a3.png", "a7.png")]),
+        (["rest.jpg", "press_1.jpg", "press_2.jpg", "press_3.jpg", "turn_9.jpg"], []),
+        ([f"t{1000 + 33 * k + k % 3}.jpg" for k in range(9)], []),  # times in ms
+        (["2026-11-28_09.jpg", "2026-11-28_10.jpg", "2026-11-29_55.jpg"], []),
+    ],
+)
+def test_missing_numbers_of_a_folder_are_named(tmp_path, names, gaps):
+    for name in names:
+        (tmp_path / name).touch()
+    assert FolderSource(tmp_path).gaps == gaps

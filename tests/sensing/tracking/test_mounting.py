@@ -87,6 +87,21 @@ def test_a_camera_that_has_moved_counts_until_an_untouched_picture_shows_otherwi
     assert "by 0.50 px" in watch.reason or "by 0.51 px" in watch.reason or "by 0.49 px" in watch.reason
 
 
+@pytest.mark.parametrize("next_px", [4.1, 9.0])  # the press may go on fast
+@pytest.mark.parametrize("size_px", [0.5, 3.0])
+def test_a_knock_under_a_touch_is_known_once_the_next_picture_confirms_it(size_px, next_px):
+    """It read as up to 5 N, 90 standard deviations, and was no fault until the touch ended."""
+    watch, knock = MountingWatch(), size_px * np.array([0.8, 0.6])
+    for high_px, knocked in ((0.0, 0), (2.0, 0), (3.0, 1), (3.2, 0), (3.3, 0), (5.0, 0), (4.0, 0), (4.05, 1)):
+        watch.update(tracks(lambda arm, high=high_px, at=knocked: bump(high)(arm) + at * knock))
+        assert watch.reason == ""  # neither a press nor a picture that is shifted alone
+    for high_px in (next_px, 4.3, 2.0):
+        watch.update(tracks(lambda arm, high=high_px: bump(high)(arm) + knock))
+        assert "moved under the touch" in watch.reason
+    watch.update(tracks(similarity()))
+    assert watch.reason == ""
+
+
 @pytest.mark.parametrize("noise_px", [0.013, 0.035])
 def test_noise_that_the_reference_knows_hides_no_moved_camera_and_makes_none_of_a_touch(noise_px):
     """The third largest of the dots' own scatter passed for a touch, and a lens that read 3 N was none."""

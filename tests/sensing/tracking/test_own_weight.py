@@ -185,6 +185,17 @@ def test_a_turned_skin_is_no_camera_that_moved_and_the_other_way_round(seen, wat
     assert "have moved" in asked.reason
 
 
+def test_a_turn_under_a_touch_is_no_knock_and_a_knock_is(seen, watch):
+    pressed, (knock,) = touch(seen, 3.0), seen.view.camera(np.random.default_rng(2), 1)
+    asked = MountingWatch(DESIGN)
+    for motion in (0 * pressed, pressed, *[pressed + sag(seen, 0, -1, 0.5)] * 3):
+        asked.update(placed(seen, motion), watch)
+        assert asked.reason == ""
+    for _ in range(2):
+        asked.update(placed(seen, pressed + sag(seen, 0, -1, 0.5) + 0.3 * knock), watch)
+    assert "moved under the touch" in asked.reason
+
+
 def test_under_a_touch_the_last_turn_counts_and_after_it_the_new_one(seen, watch):
     first, second = sag(seen, 1, 0, 0), sag(seen, 0, -1, 0.5)
     watch.motion(moved(first))

@@ -98,10 +98,11 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
         for time_s, force_n, load_n in zip(*creep(), strict=True):
             force_n += plate_n * (load_n < 7) * (time_s > 6)
             yield SimpleNamespace(
-                valid=True, estimate=Wrench(time_s, np.array([0, 0, -force_n]), np.zeros(3), "endcap")
-            )
+                valid=True, reason="camera or lens have moved",
+                estimate=Wrench(time_s, np.array([0, 0, -force_n]), np.zeros(3), "endcap", flags=flags),
+            )  # fmt: skip
 
-    plate_n = 0.0
+    plate_n, flags = 0.0, frozenset()
     monkeypatch.setattr(dwell, "film_readings", readings)
     words = ["--config", str(path), "--source", "dwell.mcap", "--picture", str(picture)]
     assert dwell.main([*words, "--dry-run"]) == 0 and "relaxation" not in path.read_text()
@@ -113,6 +114,9 @@ def test_a_dwell_test_stores_its_terms_and_draws_them(monkeypatch, tmp_path, cap
     assert path.read_text().startswith("# mine") and "0.179" in out and "warning" not in err
     plate_n = 0.5
     assert dwell.main([*words, "--dry-run"]) == 0 and "was all of it taken off" in capsys.readouterr().err
+    plate_n, flags = 0.0, frozenset({"moved"})
+    assert dwell.main([*words, "--dry-run"]) == 0
+    assert "readings are flagged (moved), lastly because: camera or lens have moved" in capsys.readouterr().err
     carried = replace(config, endcaps=(replace(config.endcaps[0], gain=0.7, gain_sd=0.01),))
     again = parsed(about(carried, []), tmp_path / "run.mcap").config.endcaps[0]
     assert again.relaxation == config.endcaps[0].relaxation and again.gain == 0.7

@@ -88,6 +88,24 @@ def test_a_path_that_never_leaves_rest_or_begins_under_load_is_refused():
         fit_dwell(time_s[:10], time_s[:10])
 
 
+def test_a_weight_that_is_put_on_twice_is_refused_for_that():
+    time_s, force_n, load = creep()
+    lifted = (time_s > 2.5) & (time_s < 3.2)
+    with pytest.raises(DwellError, match="put it on once"):
+        fit_dwell(time_s, np.where(lifted, 0.0, force_n))
+    one = np.flatnonzero(time_s > 3.0)[0]  # a single damaged picture is none
+    assert fit_dwell(time_s, np.where(np.arange(len(load)) == one, 0.4 * force_n, force_n)).terms
+
+
+def test_a_folder_in_which_pictures_are_missing_is_refused_because_its_times_are_wrong(tmp_path, capsys):
+    path = tmp_path / "endcaps.toml"
+    path.write_text('[[endcap]]\nname = "a"\nsource = "0"\n')
+    for number in (*range(40), *range(85, 120)):
+        (tmp_path / f"frame_{number}.jpg").touch()
+    assert command.main(["--config", str(path), "--source", str(tmp_path)]) == 2
+    assert "missing between frame_39.jpg and frame_85.jpg, so times" in capsys.readouterr().err
+
+
 def test_the_command_refuses_in_one_line(tmp_path, capsys):
     path = tmp_path / "endcaps.toml"
     path.write_text('[[endcap]]\nname = "a"\nsource = "0"\n')

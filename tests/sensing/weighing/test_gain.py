@@ -87,6 +87,15 @@ def leaning(weight_g, tilt_deg, azimuth_deg, given=(0.0, 0.0)):
     return Pose(typed.name, typed.load_n(), typed.load_sd_n(), true.load_n() / 0.73, COVARIANCE)
 
 
+def test_one_of_two_weights_that_is_wrong_by_a_tenth_is_refused_although_nothing_leans():
+    """Forces across the loads that agreed hid it: chi-square 19 of 21 allowed, and a gain off by 2.5 deviations."""
+    light, heavy = np.diag([0.035, 0.035, 0.064]) ** 2, np.diag([0.076, 0.076, 0.11]) ** 2  # of rendered pictures
+    poses = [pose(600.0, 0.993, typed_g=660.0, covariance=light), pose(1800.0, 0.999, covariance=heavy)]
+    with pytest.raises(WeighingError, match=r"along the loads 1\d, at most 11\): 660 g shows a gain of 1\.09"):
+        fit_gain(poses)
+    assert fit_gain([pose(600.0, 0.993, covariance=light), poses[1]]).along < 1
+
+
 @pytest.mark.parametrize("given", [(0.0, 0.0), (20.0, 30.0)])
 def test_a_force_that_leans_is_no_wrong_weight_and_the_attitude_said_makes_it_right(given):
     with pytest.raises(WeighingError) as refused:

@@ -101,7 +101,9 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
     """Refuse dots that do not fit beside each other on the inner surface.
 
     Args:
-        inner_radius_mm: of the dome. rings: dots of each ring. dot_mm: diameter of a dot.
+        inner_radius_mm: of the dome.
+        rings: dots of each ring.
+        dot_mm: diameter of a dot.
 
     Raises:
         ParameterError: with the accepted range.
@@ -147,7 +149,9 @@ def fitting_rings(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float)
     """Counts that fit, each as near to the wanted one as it can be.
 
     Args:
-        inner_radius_mm: of the dome. rings: the wanted counts. dot_mm: diameter of a dot.
+        inner_radius_mm: of the dome.
+        rings: the wanted counts.
+        dot_mm: diameter of a dot.
     """
     pitch = dot_mm + LEAST_BRIDGE_MM + ROUNDING_MM
     kept = rings[: most_rings(inner_radius_mm, pitch)]
@@ -165,7 +169,10 @@ def most_dots(inner_radius_mm: float, rings: tuple[int, ...], ring: int, pitch: 
     """Most dots that a ring takes at a pitch (mm).
 
     Args:
-        inner_radius_mm: of the dome. rings: dots of each ring. ring: which. pitch: between centres, mm.
+        inner_radius_mm: of the dome.
+        rings: dots of each ring.
+        ring: which.
+        pitch: between centres, mm.
     """
     across = 2 * inner_radius_mm * math.sin(math.radians(ring * step_deg(rings)))
     return math.floor(math.pi / math.asin(pitch / across)) if pitch < across else 1
@@ -197,7 +204,9 @@ def option_words(rings: tuple[int, ...], dot_mm: float, gyroid: float) -> dict[s
     """Options that differ from the released ones, as they are typed.
 
     Args:
-        rings: dots of each ring. dot_mm: diameter of a dot. gyroid: fraction of TPU.
+        rings: dots of each ring.
+        dot_mm: diameter of a dot.
+        gyroid: fraction of TPU.
     """
     words = {}
     if rings != RELEASED_RINGS:

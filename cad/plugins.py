@@ -67,7 +67,8 @@ def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
         arguments: passed on.
 
     Raises:
-        ParameterError: it fails, or gives something else. EndcapError: one that it raises on purpose.
+        ParameterError: it fails, or gives something else.
+        EndcapError: one that it raises on purpose.
     """
     factory = load(kind, name)
     try:

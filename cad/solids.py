@@ -29,7 +29,9 @@ def drill(place: tuple[float, float], radius_mm: float, bottom_mm: float, top_mm
     """An upright cylinder.
 
     Args:
-        place: (x, y) of the axis, mm. radius_mm: of the cylinder. bottom_mm, top_mm: z of its ends.
+        place: (x, y) of the axis, mm.
+        radius_mm: of the cylinder.
+        bottom_mm, top_mm: z of its ends.
     """
     return Solid.make_cylinder(radius_mm, top_mm - bottom_mm, Plane(origin=(*place, bottom_mm)))
 
@@ -51,7 +53,8 @@ def intersected(body: Solid, tool: Solid, name: str) -> Solid:
     """What two solids share, where that is one solid; both stay as they are.
 
     Args:
-        body, tool: the two. name: of the part, for the message.
+        body, tool: the two.
+        name: of the part, for the message.
 
     Raises:
         GeometryError: none or several solids, or the kernel gave up (it answers with no shape at all).

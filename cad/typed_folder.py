@@ -19,7 +19,8 @@ def typed_folder(text: str, name: str = "exports") -> Path:
     """The folder that an option names; ``~`` is the home folder, which not every shell puts there.
 
     Args:
-        text: value of the option. name: of the option.
+        text: value of the option.
+        name: of the option.
 
     Raises:
         ParameterError: a name too long for any folder, a link that leads to itself, a place that cannot be entered, or

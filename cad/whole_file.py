@@ -30,7 +30,9 @@ def replace_file(path: Path, data: bytes, fix: str = "give a folder that exists 
     """Write under a temporary name, then rename.
 
     Args:
-        path: the file; an older one is replaced. data: its content. fix: last part of the message.
+        path: the file; an older one is replaced.
+        data: its content.
+        fix: last part of the message.
 
     Raises:
         FileError: the place cannot be written.
@@ -128,7 +130,8 @@ def new_folder(path: Path) -> Iterator[Path]:
     """A folder to fill that takes the name of a new or empty one at the end; without a trace after an error.
 
     Raises:
-        FileError: something is there. OSError: the place cannot be written.
+        FileError: something is there.
+        OSError: the place cannot be written.
     """
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise FileError(f"{path}: is there and not an empty folder: choose a new one")
@@ -161,7 +164,8 @@ def remove_partial(parent: Path, name: str | None = None) -> None:
     """Remove the hidden folders of runs that were killed before they were done.
 
     Args:
-        parent: where they lie. name: of the folder that they would have become; all by default.
+        parent: where they lie.
+        name: of the folder that they would have become; all by default.
     """
     for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
         with lock_of_the_dead(path) as dead:
@@ -186,7 +190,8 @@ def hold_lock(path: Path) -> IO[str]:
     What stands there is neither followed nor emptied: a link could lead to any file of the user's.
 
     Raises:
-        BlockingIOError: another process holds it. OSError: it cannot be written, or is a link.
+        BlockingIOError: another process holds it.
+        OSError: it cannot be written, or is a link.
     """
     import fcntl
 

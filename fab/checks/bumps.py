@@ -90,7 +90,8 @@ def _facing_out(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     """Which corners (mask) have a facet that faces away from the inner sphere's centre.
 
     Args:
-        mesh: of the piece. points: (n, 3) its corners, from the inner sphere's centre.
+        mesh: of the piece.
+        points: (n, 3) its corners, from the inner sphere's centre.
     """
     normals = np.repeat(mesh.face_normals, 3, axis=0)
     corners = mesh.faces.ravel()

@@ -25,7 +25,8 @@ def core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
     """A body that lies so far inside the core without its bumps.
 
     Args:
-        layout: mold sizes. inside_mm: how deep the joints are left open.
+        layout: mold sizes.
+        inside_mm: how deep the joints are left open.
     """
     params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
     radius, centre = params.inner_radius_mm - inside_mm, params.centre_height_mm
@@ -43,7 +44,8 @@ def bump_fillers(params: EndcapParams, inside_mm: float) -> manifold3d.Manifold:
     """Bodies that lie so far inside the bumps, the lower ends below the surface of :func:`core_filler`.
 
     Args:
-        params: the design. inside_mm: how deep the joints are left open.
+        params: the design.
+        inside_mm: how deep the joints are left open.
     """
     radius, centre = bump_sphere_radius_mm(params) - inside_mm, bump_sphere_centre_mm(params)
     foot = math.sqrt(params.inner_radius_mm**2 - params.dot_radius_mm**2) - 2 * inside_mm

@@ -33,7 +33,8 @@ class Leg:
     """One straight move.
 
     Attributes:
-        direction: unit vector. length_mm: how far.
+        direction: unit vector.
+        length_mm: how far.
     """
 
     direction: tuple[float, float, float]
@@ -45,7 +46,9 @@ class Extraction:
     """How one piece leaves.
 
     Attributes:
-        piece: its name. legs: the path. penetration_mm: deepest that a point enters silicone or TPU (0 wanted).
+        piece: its name.
+        legs: the path.
+        penetration_mm: deepest that a point enters silicone or TPU (0 wanted).
         piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
         draft_deg: least angle between the piece's molding surface and the first leg.
         rim_strain: how far the opening must stretch to let it pass (0 wanted).
@@ -65,7 +68,9 @@ def extract_core(
     """Take the core apart in its stated order.
 
     Args:
-        layout: mold sizes. meshes: of the pieces. paths: what :func:`core_path` gave for them, where it is known.
+        layout: mold sizes.
+        meshes: of the pieces.
+        paths: what :func:`core_path` gave for them, where it is known.
     """
     inside = [name for name in REMOVAL_ORDER if name in meshes]
     results = []
@@ -112,7 +117,9 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
     The slope of the inward pull is the one with the largest least draft.
 
     Args:
-        layout: mold sizes. name: of the piece. mesh: of the piece, mm.
+        layout: mold sizes.
+        name: of the piece.
+        mesh: of the piece, mm.
     """
     out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
     if name == "core_centre":
@@ -186,7 +193,8 @@ def seam_azimuth_deg(layout: MoldLayout, first: str, second: str) -> float:
     slanted walls that slide past each other meet by the thousand. Between a key and a wedge that is a factor of ten.
 
     Args:
-        layout: mold sizes. first, second: names of the pieces.
+        layout: mold sizes.
+        first, second: names of the pieces.
     """
     for stem in ("core_key_", "core_wedge_"):
         for name in (first, second):

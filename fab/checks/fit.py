@@ -116,7 +116,9 @@ def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Chec
     Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
 
     Args:
-        layout: mold sizes. name: of the segment. mesh: of the segment, endcap frame, mm.
+        layout: mold sizes.
+        name: of the segment.
+        mesh: of the segment, endcap frame, mm.
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
     down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]

@@ -114,7 +114,9 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
     """Wall, bumps, leak and air of the closed mold.
 
     Args:
-        layout: mold sizes. meshes: of all parts, by name. cast_mm3: volume of the silicone shell.
+        layout: mold sizes.
+        meshes: of all parts, by name.
+        cast_mm3: volume of the silicone shell.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     return [
@@ -132,7 +134,9 @@ def mold_gates(
     """Sweeps of the steps that pass no silicone, and the screws of all steps.
 
     Args:
-        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
+        layout: mold sizes.
+        steps: of the whole work.
+        meshes: of all parts but the silicone shell, by name.
         robot: what the arm adapter fits.
     """
     bodies = step_bodies(layout, steps, meshes)  # manifold3d makes the silicone's when it is asked for: not here
@@ -151,7 +155,9 @@ def demold_gates(
     """Sweeps of the steps that pass the silicone, and the balance: what the closed mold encloses is made once for both.
 
     Args:
-        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
+        layout: mold sizes.
+        steps: of the whole work.
+        meshes: of all parts but the silicone shell, by name.
         cast_mm3: volume of the silicone shell.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
@@ -173,7 +179,9 @@ def extraction_gates(
     """Ways out of core and cup.
 
     Args:
-        layout: mold sizes. pieces: meshes of cup and core, by name. paths: ways of the core's pieces.
+        layout: mold sizes.
+        pieces: meshes of cup and core, by name.
+        paths: ways of the core's pieces.
     """
     ways = [*extract_core(layout, pieces, paths), *extract_cup(layout, pieces)]
     return extraction_checks(ways, layout.joint_clearance_mm)
@@ -191,7 +199,8 @@ def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
     """Through holes, beds, walls, overhangs.
 
     Args:
-        layout: mold sizes. meshes: of the printed parts, by name.
+        layout: mold sizes.
+        meshes: of the printed parts, by name.
     """
     checks = through_hole_checks(layout, meshes)
     for name, mesh in meshes.items():

@@ -67,7 +67,9 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
     """Thickness of the sheet along its normal at evenly chosen facets, away from the zone's faces: (about samples,).
 
     Args:
-        params: the design. mesh: the whole interface, mm. samples: facets looked at, about.
+        params: the design.
+        mesh: the whole interface, mm.
+        samples: facets looked at, about.
     """
     centres = mesh.triangles_center
     radius = np.linalg.norm(centres - (0, 0, params.centre_height_mm), axis=1)

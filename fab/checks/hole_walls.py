@@ -31,7 +31,8 @@ def hole_wall_checks(joints: Iterable[ScrewJoint], meshes: Mapping[str, trimesh.
     """Thinnest wall round the holes of each joint whose screws hold in the part itself, but for :data:`RELEASED`.
 
     Args:
-        joints: of the design. meshes: closed meshes of their parts, endcap frame.
+        joints: of the design.
+        meshes: closed meshes of their parts, endcap frame.
     """
     checks = []
     for joint in joints:
@@ -45,7 +46,9 @@ def hole_wall_mm(joint: ScrewJoint, mesh: trimesh.Trimesh, place: tuple[float, f
     """Thinnest wall round one hole, from its mouth to its end; 0 where the hole is open to the side.
 
     Args:
-        joint: which. mesh: closed, of the part that holds the thread, endcap frame. place: (x, y) of the axis.
+        joint: which.
+        mesh: closed, of the part that holds the thread, endcap frame.
+        place: (x, y) of the axis.
     """
     widest = INSERT_RING_MM - 2 * RIM_MM if joint.holder == "insert" else bought_mm(joint.thread, "thread") / 2
     angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1  # between the edges of a hole's facets

@@ -48,7 +48,9 @@ class NutPocket:
     """One pocket, seen from its screw's axis: x outward along the radius, y along the circle, z up.
 
     Args:
-        params: the design. body: the part with the pocket, endcap frame, mm. azimuth_deg: of the screw.
+        params: the design.
+        body: the part with the pocket, endcap frame, mm.
+        azimuth_deg: of the screw.
     """
 
     def __init__(self, params: EndcapParams, body: manifold3d.Manifold, azimuth_deg: float) -> None:

@@ -74,7 +74,8 @@ class ScrewLines:
     """Lines along a joint's screws, cut with its parts: each once, for screws of every length.
 
     Args:
-        joint: which. meshes: closed meshes of its parts, endcap frame, mm.
+        joint: which.
+        meshes: closed meshes of its parts, endcap frame, mm.
     """
 
     def __init__(self, joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> None:
@@ -85,7 +86,9 @@ class ScrewLines:
         """Solid spans of a part on lines round a screw's axis, along the screw's direction.
 
         Args:
-            part: name of the part. place: (x, y) of the axis, mm. radius_mm: of the ring of lines.
+            part: name of the part.
+            place: (x, y) of the axis, mm.
+            radius_mm: of the ring of lines.
 
         Raises:
             GeometryError: a line misses the part.
@@ -102,7 +105,8 @@ class ScrewLines:
         """Where the tip would hit the anchor's material on the axis, or what lies beyond; infinite where nothing does.
 
         Args:
-            place: (x, y) of the axis, mm. seat_mm: of the head, along the screw.
+            place: (x, y) of the axis, mm.
+            seat_mm: of the head, along the screw.
         """
         axis = np.array(place)[None, :] + 0.03
         ahead = (self._joint.anchor, *self._joint.beyond)
@@ -216,7 +220,9 @@ def upright_spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[Sp
     """Solid spans along upright lines, as coordinates along a screw.
 
     Args:
-        mesh: closed. lines: (n, 2) their x, y, mm. up: whether the screw points to +z; else they are -z.
+        mesh: closed.
+        lines: (n, 2) their x, y, mm.
+        up: whether the screw points to +z; else they are -z.
     """
     sign = 1.0 if up else -1.0
     origins = np.column_stack([lines, np.full(len(lines), -sign * FAR_MM)])

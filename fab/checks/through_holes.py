@@ -19,7 +19,8 @@ def through_hole_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh
     """Holes through each piece of cup and core and the hanger, against those that are wanted.
 
     Args:
-        layout: mold sizes. meshes: closed meshes by name of the part; others are left out.
+        layout: mold sizes.
+        meshes: closed meshes by name of the part; others are left out.
     """
     return [
         Check(f"{name}.through_holes", through_holes(mesh), low=wanted, high=wanted)

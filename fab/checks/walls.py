@@ -31,7 +31,8 @@ def min_wall_check(name: str, mesh: trimesh.Trimesh) -> Check:
     """Thinnest wall of a part against what a printer can make.
 
     Args:
-        name: of the part. mesh: closed.
+        name: of the part.
+        mesh: closed.
     """
     return Check(f"{name}.min_wall_mm", min_wall_mm(mesh), low=MIN_WALL_MM)
 

@@ -23,8 +23,10 @@ def write_glb(
     """Write parts of a design in place, or displaced.
 
     Args:
-        design: parts and meshes. names: parts to write.
-        offsets: (x, y, z) of displaced parts by name, mm; the others stay in place. path: of the file.
+        design: parts and meshes.
+        names: parts to write.
+        offsets: (x, y, z) of displaced parts by name, mm; the others stay in place.
+        path: of the file.
 
     Raises:
         FileError: the file could not be written.

@@ -67,7 +67,9 @@ def write_record(folder: Path, name: str, content: Mapping[str, Any]) -> None:
     """Write a folder's record: ``content``, and under ``files`` the SHA-256 of every other file in the folder.
 
     Args:
-        folder: what is recorded. name: of the record's file in it. content: the rest of the record, plain JSON.
+        folder: what is recorded.
+        name: of the record's file in it.
+        content: the rest of the record, plain JSON.
     """
     files = {path: file_sha256(folder / path) for path in _files_in(folder) if path != name}
     (folder / name).write_text(json.dumps({**content, "files": files}, indent=1) + "\n", encoding="utf-8")

@@ -79,7 +79,9 @@ def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
     all at the item, which the consortium's own reader refuses as strict.
 
     Args:
-        mesh: of the part, mm. name: of the part. path: of the file.
+        mesh: of the part, mm.
+        name: of the part.
+        path: of the file.
     """
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
     scene = trimesh.Scene()
@@ -136,8 +138,9 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
     """Write ``exploded.png``, ``section.png`` and ``parts.png``.
 
     Args:
-        product: what the exploded view and the section show. parts: those of the sheet of parts. folder: receives the
-            files.
+        product: what the exploded view and the section show.
+        parts: those of the sheet of parts.
+        folder: receives the files.
     """
     render_exploded(product, folder / "exploded.png")
     render_section(product, folder / "section.png")
@@ -148,7 +151,9 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
     """Everything a reader or a program needs to know of the parts, in a fixed order.
 
     Args:
-        design: parts, meshes and sizes. checks: results of the gates. folder: holds the files, already written.
+        design: parts, meshes and sizes.
+        checks: results of the gates.
+        folder: holds the files, already written.
     """
     values = {check.name: check.value for check in checks}
     parts = []

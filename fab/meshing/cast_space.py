@@ -46,7 +46,9 @@ def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VO
     """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone.
 
     Args:
-        params: the design. mesh: the whole interface, mm. voxel_mm: side of a voxel.
+        params: the design.
+        mesh: the whole interface, mm.
+        voxel_mm: side of a voxel.
     """
     floor, top = params.flange_thickness_mm, params.interlock_top_mm + BALL_DIAMETER_MM
     widest = params.outer_radius_mm
@@ -68,7 +70,9 @@ def ball_reach(params: EndcapParams, cast: CastSpace, diameter_mm: float = BALL_
     a passage hardly lets the ball through: on the safe side. So only the finer ones can refuse.
 
     Args:
-        params: the design. cast: voxels of the mold's space. diameter_mm: of the ball.
+        params: the design.
+        cast: voxels of the mold's space.
+        diameter_mm: of the ball.
 
     Returns:
         ``(share of the zone's void that the ball covers, least gap between ball and flange in mm)``.

@@ -30,7 +30,8 @@ class VoxelBox:
         """Box whose voxel centres cover ``low..high``, a little off round numbers so that no ray meets an edge.
 
         Args:
-            low, high: (3,) lowest and highest corner, mm. step_mm: side of a voxel.
+            low, high: (3,) lowest and highest corner, mm.
+            step_mm: side of a voxel.
         """
         shape = np.ceil((np.asarray(high) - low) / step_mm).astype(int) + 1
         shift = step_mm * np.array([0.0713, 0.0389, 0.0])

@@ -131,7 +131,10 @@ class Canvas:
 
         Args:
             at: (x, y) px of the picture, y upward: middle of the line's height, at the end that ``align`` names.
-            text: the line. size_px: of the font. align: ``left``, ``center`` or ``right``. color: RGB in 0..1.
+            text: the line.
+            size_px: of the font.
+            align: ``left``, ``center`` or ``right``.
+            color: RGB in 0..1.
         """
         from vtkmodules.vtkRenderingCore import vtkTextActor
 
@@ -154,7 +157,9 @@ class Canvas:
         """Draw a thin line through points, with a dot at its last.
 
         Args:
-            points: (x, y) px of the picture, y upward. color: RGB in 0..1. width_px: of the line.
+            points: (x, y) px of the picture, y upward.
+            color: RGB in 0..1.
+            width_px: of the line.
         """
         from vtkmodules.vtkCommonCore import vtkPoints
         from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData

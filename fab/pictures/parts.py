@@ -62,7 +62,10 @@ def render_exploded(
     """Draw the parts displaced by their offsets, each with its name, as one wide picture.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
+        items: the parts.
+        path: of the file.
+        width_px: of the picture; its height follows.
+        view: from where it is seen.
 
     Raises:
         GeometryError: no parts.
@@ -88,7 +91,9 @@ def name_rows(names: Sequence[str], middles_px: Sequence[float], size_px: int) -
     """In which of two rows each name stands, so that neighbours do not run into one another.
 
     Args:
-        names: what is written. middles_px: (n,) where each is centred. size_px: of the letters.
+        names: what is written.
+        middles_px: (n,) where each is centred.
+        size_px: of the letters.
     """
     rows, ends = [0] * len(names), [-math.inf, -math.inf]
     for k in sorted(range(len(names)), key=lambda k: middles_px[k]):
@@ -106,7 +111,10 @@ def render_section(
     Where two cut faces coincide, the later part shows. Offsets are ignored.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
+        items: the parts.
+        path: of the file.
+        width_px: of the picture; its height follows.
+        view: from where it is seen.
 
     Raises:
         GeometryError: no parts, none of them reaches y > 0, or a mesh is not closed.
@@ -139,8 +147,10 @@ def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH
     """Draw every part in a cell of its own, with name, role and size.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. columns: cells side by side,
-            at most.
+        items: the parts.
+        path: of the file.
+        width_px: of the picture; its height follows.
+        columns: cells side by side, at most.
 
     Raises:
         GeometryError: no parts.

@@ -73,7 +73,9 @@ def screw_overlap_mm3(fit: ScrewFit, step: Step, bodies: Bodies) -> float:
     """Volume that the screws of a joint share, on their way in, with all parts in place.
 
     Args:
-        fit: the joint with its screws. step: in which they are driven. bodies: of the parts in place.
+        fit: the joint with its screws.
+        step: in which they are driven.
+        bodies: of the parts in place.
     """
     moving = [name for move in step.moves for name in (*move.parts, *move.past)]
     near = {*moving, *step.in_place, *fit.joint.through, fit.joint.anchor} - {"shell"}  # silicone gives way
@@ -84,7 +86,8 @@ def screws_on_their_way(fit: ScrewFit, part: str) -> manifold3d.Manifold:
     """What the screws of a joint sweep, as a part feels it: heads and washers, shanks, nuts that come from beyond.
 
     Args:
-        fit: the joint with its screws. part: in the anchor's own plastic only the thread's root counts.
+        fit: the joint with its screws.
+        part: in the anchor's own plastic only the thread's root counts.
     """
     joint = fit.joint
     cuts = joint.holder == "plastic" and part == joint.anchor

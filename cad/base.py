@@ -243,7 +243,7 @@ def _pocket_outline() -> Face:
 
 
 def _is_pocket_corner(x: float, y: float) -> bool:
-    """Whether a corner of the outline is sharp: the others are ends of the posts' fillets."""
+    """Whether a corner (x, y) of the outline is sharp; the other corners are ends of the posts' fillets."""
     wide, narrow = CAMERA_POCKET_WIDTH_MM / 2, CAMERA_POCKET_WIDTH_MM / 2 - CAMERA_POST_MM
     on_wall = max(abs(x), abs(y)) > wide - 1e-6
     return (on_wall and min(abs(x), abs(y)) < narrow + 1e-6) or abs(x) > wide

@@ -109,7 +109,7 @@ def positive(row: dict[str, str], column: str) -> float:
     """Read a positive number from a row.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the cell does not hold a positive number.
     """
     value = _finite(row[column])
     if not value > 0:
@@ -121,7 +121,7 @@ def number(row: dict[str, str], column: str) -> float:
     """Read a finite number from a row.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the cell does not hold a finite number.
     """
     value = _finite(row[column])
     if math.isnan(value):

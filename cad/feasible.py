@@ -39,12 +39,12 @@ def real_number(name: str, value: object, example: str = "millimetres, for examp
     """Convert a real number of any Python or NumPy type to a float.
 
     Args:
-        name: of the parameter.
-        value: what was given.
-        example: what to give instead, for the message.
+        name: name of the parameter, for the message.
+        value: its value.
+        example: accepted form with an example, for the message.
 
     Raises:
-        ParameterError: naming the value and the accepted form.
+        ParameterError: the value is not a number.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         raise ParameterError(f"{name}={brief(repr(value))} is not a number: give {example}", name=name, value=value)
@@ -58,12 +58,12 @@ def positive_number(name: str, value: object, example: str = "millimetres, for e
     """Convert a positive, finite number to a float.
 
     Args:
-        name: of the parameter.
-        value: what was given.
-        example: what to give instead, for the message.
+        name: name of the parameter, for the message.
+        value: its value.
+        example: accepted form with an example, for the message.
 
     Raises:
-        ParameterError: naming the value and the accepted form.
+        ParameterError: the value is not a positive, finite number.
     """
     number = real_number(name, value, example)
     if not math.isfinite(number) or number <= 0:

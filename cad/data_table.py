@@ -67,7 +67,7 @@ def _require_one_spelling(where: str, names: dict[str, str], spelled: dict[tuple
         spelled: (column, normalised text) -> text in the rows above; receives this row's.
     """
     for column, text in names.items():
-        if (other := spelled.setdefault((column, _alike(text)), text)) != text:
+        if (other := spelled.setdefault((column, _normalised(text)), text)) != text:
             raise FileError(
                 f"{where}: {column}={text!r} differs from {other!r}, in a row above it, in case or in spaces, hyphens "
                 "and underscores alone: names are typed in any case, and folders have hyphens: rename one of the two"
@@ -100,7 +100,7 @@ def file_name(name: str) -> str:
     return f"{kept.strip('-')}-{digest}".lstrip("-")
 
 
-def _alike(name: str) -> str:
+def _normalised(name: str) -> str:
     """Normalised name: without the differences that are ignored in typed names and lost in folder names."""
     return re.sub(r"[ _-]+", "-", name).lower()
 

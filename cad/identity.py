@@ -185,7 +185,7 @@ def require_same(
     other = [] if found is None or wanted is None else differing(found, wanted, aspects)
     if found is not None and wanted is not None and other:
         said = f"{name_of(found, other[0])}, this endcap has {name_of(wanted, other[0])}"
-        values = _said_differences(found, wanted, other[0])
+        values = _difference_text(found, wanted, other[0])
         raise FileError(f"{path}: {what} for {said}{f' ({values})' if values else ''}: {fix}")
 
 
@@ -206,7 +206,7 @@ def name_of(found: Identity, aspect: str) -> str:
     return f"the {label} {WORDS[aspect]}" if label == RELEASED else f"the {WORDS[aspect]} {label}"
 
 
-def _said_differences(found: Identity, wanted: Identity, aspect: str) -> str:
+def _difference_text(found: Identity, wanted: Identity, aspect: str) -> str:
     if aspect == "design":
         return ""
     there, here = found.aspects[aspect] or {}, wanted.aspects[aspect] or {}

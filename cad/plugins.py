@@ -52,7 +52,7 @@ def load(kind: Kind, name: str) -> Callable[..., Any]:
     try:
         made = found[0].load()
     except Exception as error:  # foreign code may raise anything; the message names its distribution
-        raise _broken(kind, name, f"cannot be imported ({_said(error)})") from error
+        raise _broken(kind, name, f"cannot be imported ({_error_text(error)})") from error
     if not callable(made):
         raise _broken(kind, name, f"is {type(made).__name__}, not something that can be called")
     return made
@@ -77,7 +77,7 @@ def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
     except EndcapError:
         raise
     except Exception as error:
-        raise _broken(kind, name, f"failed ({_said(error)})") from error
+        raise _broken(kind, name, f"failed ({_error_text(error)})") from error
     if not hasattr(made, needs):
         raise _broken(kind, name, f"gave {type(made).__name__} without {needs}")
     return made
@@ -100,5 +100,5 @@ def _owner(entry: metadata.EntryPoint) -> str:
     return entry.dist.name if entry.dist is not None else "an unknown distribution"
 
 
-def _said(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:200]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ProcessPoolExecutor
 
 
-def let_a_cut_result_end(pool: ProcessPoolExecutor) -> None:
+def close_result_writer(pool: ProcessPoolExecutor) -> None:
     """Close this process's write end of the results pipe, to which only workers write.
 
     A worker that is killed while it writes a result leaves it incomplete. The pool's thread then waits for the rest as

@@ -169,13 +169,13 @@ def remove_partial(parent: Path, name: str | None = None) -> None:
         name: name of the final folder whose hidden ones are removed; by default, those of all.
     """
     for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as free:
+            if free:
                 shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
-def lock_of_the_dead(folder: Path) -> Iterator[bool]:
+def lock_if_free(folder: Path) -> Iterator[bool]:
     """Yield whether no running process has locked a folder; if so, this process holds the lock inside the context."""
     lock = _try_lock(folder)
     try:

@@ -28,7 +28,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cad.errors import FileError
-from cad.whole_file import MEDIUM_FULL, lock_of_the_dead, locked_folder, remove_partial
+from cad.whole_file import MEDIUM_FULL, lock_if_free, locked_folder, remove_partial
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -120,8 +120,8 @@ def sweep(final: Path, record: str) -> None:
     """Finish or remove what dead runs left beside a folder: a partial folder goes, a ready one is moved into place."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as free:
+            if free:
                 _move_in(path, final, record)
 
 

@@ -21,7 +21,7 @@ from cad.whole_file import drafted
 if TYPE_CHECKING:
     import cadquery
 
-Offset = tuple[float, float, float]
+Offset = tuple[float, float, float]  # displacement x, y, z in mm
 
 
 def build_assembly(

@@ -69,7 +69,7 @@ class Tray:
         return WIDTH_MM
 
 
-TRAYS = (
+TRAYS = (  # molds of the bond specimens
     Tray("tensile_tray", 2 * TENSILE_BLOCK_MM - INTERFERENCE_MM + 2 * TRAY_PLAY_MM, 12.5),
     Tray("tensile_plain_tray", TENSILE_BLOCK_MM, 0.0),
     Tray("peel_tray", PEEL_MM + 2 * TRAY_PLAY_MM, 12.5),

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import re
 
-_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")  # not printable
 
-_CREDENTIALS = re.compile(r"://[^/\s?#]*@")
+_CREDENTIALS = re.compile(r"://[^/\s?#]*@")  # user name and password in an address
 
 
 def printable(text: str, newlines: bool = False) -> str:

@@ -20,14 +20,14 @@ from types import TracebackType
 from cad.messages import LOG
 from cad.threads import one_thread
 
-DISTRIBUTION = "endcap-toolkit"  # its name on the package index
+DISTRIBUTION = "endcap-toolkit"  # name of the distribution
 KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
-SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
+SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}  # -> package
 NO_CACHE = "no locator available"  # in numba's message where it finds no folder for its cache
 
-_CAD = ("cad",)
-_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")
-_PICTURES = ("live", "robot", *_NUMERICS)
+_CAD = ("cad",)  # extras that contain the CAD kernel,
+_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")  # numerical libraries,
+_PICTURES = ("live", "robot", *_NUMERICS)  # and libraries for pictures
 EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that contain it
     **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
     **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),

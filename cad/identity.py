@@ -45,7 +45,7 @@ RELEASED_CAMERA: Values = {
     "pupil_height_mm": 17.0,
 }
 RELEASED_SILICONE: Values = {"name": "Smooth-Sil 950", "c10_mpa": 0.34, "poisson": 0.49}
-RELEASED_RINGS, RELEASED_STEP_DEG = (1, 6, 10, 12, 16, 18, 20, 20, 18, 16, 12, 10, 6, 1), 180.0 / 13
+RELEASED_RINGS, RELEASED_STEP_DEG = (1, 6, 10, 12, 16, 18, 20, 20, 18, 16, 12, 10, 6, 1), 180.0 / 13  # all rings
 RELEASED_DOT_MM, RELEASED_DENT_MM = 2.0, 0.6  # radius of a dot, depth of its dent
 RELEASED_PUPIL_MM = 17.0  # height of the entrance pupil above the mating plane
 

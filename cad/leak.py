@@ -16,7 +16,7 @@ from cad.params import EndcapParams
 
 LEAK_RATIO = 0.01  # E: largest accepted share of the pour; it is trimmed as flash
 DESIGN_RATIO = 0.0095  # for which walls are sized: the closed form of the volume omits dents and fillet
-GRAVITY_M_S2 = 9.81
+GRAVITY_M_S2 = 9.81  # S: standard gravity, rounded
 BOWL_SEAMS = 3  # joints between the segments of the bowl
 LEAST_BOWL_WALL_MM = 6.0  # thickness of the bowl's wall where the leak would allow less
 MOST_BOWL_WALL_MM = 9.0  # a millimetre inside the dam, so that no surfaces of the bowl touch

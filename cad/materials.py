@@ -26,7 +26,7 @@ from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("materials.csv")
 DEFAULT_SILICONE = "Smooth-Sil 950"
-YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")
+YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")  # filled together or not at all
 MIX_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)A:([0-9]+(?:\.[0-9]+)?)B by (?:weight|volume or weight)")
 MAX_POISSON = 0.49999  # above it K > 5e4 mu, and rounding hides the shear terms in double precision
 LEAST_POISSON = 0.48  # M: for rows. Weights and study of any size use 0.49; a press is 1.1 % deeper at 0.48

@@ -11,8 +11,8 @@ import re
 
 from cad.errors import ParameterError, printable
 
-_FORM = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
-_STORED = re.compile(_FORM.pattern + r"([eE][+-]?[0-9]+)?")
+_FORM = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")  # as typed
+_STORED = re.compile(_FORM.pattern + r"([eE][+-]?[0-9]+)?")  # as in tables that programs write
 _WHOLE = re.compile(r"[+-]?[0-9]{1,18}")  # more are never needed, and Python refuses thousands of digits
 _LONGEST = 40  # most characters of a text that a message repeats in full
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from cad.errors import ParameterError
 from cad.plain_numbers import brief
 
-_ROOT = Path(__file__).resolve().parent.parent
+_ROOT = Path(__file__).resolve().parent.parent  # folder of checkout or installed packages
 # The checkout's own folder; with an installed wheel, a folder in the current one.
 EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 

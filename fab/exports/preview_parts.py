@@ -16,7 +16,7 @@ TOLERANCES_MM = (0.1, 0.2, 0.4, 0.8)  # of the parts' surfaces, tried until the 
 CELL_MM = 2.0  # side of a cell for the gyroid, whose sheet becomes one layer
 SHELL_TOLERANCE_MM = 0.15  # of the shell's surfaces
 
-Offsets = Mapping[str, tuple[float, float, float]]
+Offsets = Mapping[str, tuple[float, float, float]]  # part -> displacement in mm
 
 
 def preview_glb(design: Design, offsets: Offsets) -> bytes:

@@ -44,7 +44,7 @@ THINNER, THICKER = 1.5e-3, 0.8e-3  # relative changes allowed to the wall: facet
 ROOMY_WALL_MM = 7.0  # thicker walls: the ball reaches at least 0.84 of the voids (24 sizes, docs/sizes.md)
 SPARE_SHARE = 0.005  # margin of the covered share, as the check measures the file with the flange again
 MAX_TRIALS = 6  # meshes at each phase
-Phase = tuple[float, float, float]
+Phase = tuple[float, float, float]  # offset x, y, z of the gyroid in mm
 _CLEAR_MM = 0.01  # least distance of the sheet's corners from the flange's plane: no slivers where the two join
 
 

@@ -21,7 +21,7 @@ from cad.errors import GeometryError
 from fab.meshing.zone_grid import ZoneGrid
 
 SNAP = 0.03  # of a step: nodes closer to a level are moved away from it, to avoid slivers
-_NODE = 6
+_NODE = 6  # last digit of a node's own key, see above
 _WHOLE = 2e-3  # marching cubes' float32 node numbers are good to 1e-4; the snap keeps crossings 1e-2 off the nodes
 # End faces as (axis across it, node at its first (0) or last (-1) end, the two axes in it, in outward order).
 _END_FACES = ((1, 0, 0, 2), (1, -1, 2, 0), (2, 0, 1, 0), (2, -1, 0, 1))

@@ -36,7 +36,7 @@ SMALL_DIAMETER_MM, SMALL_TOLERANCE_MM = 105.0, 0.008  # volume of a small, thick
 ANGLE_RAD = 0.5  # between facets: keeps small fillets and holes round; at least 13 facets per turn
 REFINEMENTS = 4  # tolerances that are tried, each half of the last
 KEPT_SOLIDS = 24  # cached bodies: all parts of a design
-_solids: dict[int, manifold3d.Manifold] = {}
+_solids: dict[int, manifold3d.Manifold] = {}  # hash of a mesh -> its body; the last KEPT_SOLIDS
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 

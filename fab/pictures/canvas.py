@@ -16,9 +16,9 @@ import numpy as np
 if TYPE_CHECKING:
     from vtkmodules.vtkRenderingCore import vtkRenderer
 
-Color = tuple[float, float, float]
-Point = tuple[float, float]
-Vector = tuple[float, float, float]
+Color = tuple[float, float, float]  # RGB, 0..1
+Point = tuple[float, float]  # x, y in px of the picture, or in mm of its plane
+Vector = tuple[float, float, float]  # endcap frame
 SUPERSAMPLING = 2
 BACKGROUND: Color = (1.0, 1.0, 1.0)
 INK: Color = (0.13, 0.15, 0.18)  # of labels and edges

@@ -33,7 +33,7 @@ NUT_CORNERS = 2 / math.sqrt(3)  # of a hexagon: across corners over across flats
 NUT_M4_FLATS_MM = 7.0  # S: ISO 4032
 SEGMENTS = 48  # facets of a cylinder
 
-Bodies = Mapping[str, manifold3d.Manifold]
+Bodies = Mapping[str, manifold3d.Manifold]  # name of a part -> its body
 
 
 def fastener_checks(

@@ -34,7 +34,7 @@ FIRST = (0.004, 0.02, 0.06, 0.15, 0.3, 0.6, 1.0)  # sampled fractions of the fir
 FLASH_MM = 0.03  # depth of the silicone in the joints that counts; the rest is flash, which yields
 LATER = (0.15, 0.4, 0.7, 1.0)  # sampled fractions of the other legs
 
-Bodies = Mapping[str, manifold3d.Manifold]
+Bodies = Mapping[str, manifold3d.Manifold]  # name of a part -> its body
 
 
 def sweep_checks(layout: MoldLayout, steps: Iterable[Step], bodies: Bodies) -> list[Check]:

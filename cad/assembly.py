@@ -46,9 +46,9 @@ def build_assembly(
 
     offsets = offsets or {}
     names = [part.name for part in parts]
-    strangers = sorted(set(offsets) - set(names))
-    if len(set(names)) < len(names) or strangers:
-        raise GeometryError(f"assembly of {names}: names must differ, and offsets for {strangers} move nothing")
+    unknown = sorted(set(offsets) - set(names))
+    if len(set(names)) < len(names) or unknown:
+        raise GeometryError(f"assembly of {names}: names must differ, and offsets for {unknown} move nothing")
     assembly = cq.Assembly(name=name)
     for part in parts:
         shape = cq.Shape.cast(copied(part.solid).wrapped)

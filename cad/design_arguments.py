@@ -86,9 +86,9 @@ def agreed_design(options: argparse.Namespace, held: EndcapParams | None, path: 
     }  # fmt: skip
     other = [name for name in DEFAULTS if getattr(options, name) is not None and of_options[name] != of_file[name]]
     if other:
-        said = " ".join(f"--{name.replace('_', '-')} {_typed(of_options[name])}" for name in other)
+        typed = " ".join(f"--{name.replace('_', '-')} {_typed(of_options[name])}" for name in other)
         raise ParameterError(
-            f"{said}: {path} was taken of {held.label}, and its dots lie where that design has them: leave "
+            f"{typed}: {path} was taken of {held.label}, and its dots lie where that design has them: leave "
             f"{'this option' if len(other) == 1 else 'these options'} out, or give a file taken of the other endcap",
             name=other[0],
             value=of_options[other[0]],

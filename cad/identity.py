@@ -184,9 +184,9 @@ def require_same(
     """
     other = [] if found is None or wanted is None else differing(found, wanted, aspects)
     if found is not None and wanted is not None and other:
-        said = f"{name_of(found, other[0])}, this endcap has {name_of(wanted, other[0])}"
+        difference = f"{name_of(found, other[0])}, this endcap has {name_of(wanted, other[0])}"
         values = _difference_text(found, wanted, other[0])
-        raise FileError(f"{path}: {what} for {said}{f' ({values})' if values else ''}: {fix}")
+        raise FileError(f"{path}: {what} for {difference}{f' ({values})' if values else ''}: {fix}")
 
 
 def label_of(found: Identity, aspect: str) -> str:

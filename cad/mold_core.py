@@ -48,9 +48,9 @@ def bump_sphere_centre_mm(params: EndcapParams) -> float:
 def bump_base_deg(params: EndcapParams) -> float:
     """Latitude at which the solid of a bump ends, degrees: -90, a whole sphere, unless neighbours meet in the core.
 
-    OCCT did not fuse 119 whole spheres that meet within three minutes. Where they would meet, each is therefore cut off
-    inside the core, at a circle whose radius exceeds the dot's by a quarter of the least bridge, so that half a bridge
-    remains between neighbours.
+    OCCT did not finish the fusion of 119 intersecting whole spheres within three minutes. Where they would intersect,
+    each is therefore cut off inside the core, at a circle whose radius exceeds the dot's by a quarter of the least
+    bridge, so that half a bridge remains between neighbours.
     """
     radius = bump_sphere_radius_mm(params)
     if pitch_mm(bump_sphere_centre_mm(params), params.dot_rings) > 2 * radius + APART_MM:

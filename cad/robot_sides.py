@@ -16,7 +16,7 @@ from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("robot_sides.csv")
-DEFAULT_ROBOT = "iso_9409_1_50_4_m6"  # its row
+DEFAULT_ROBOT = "iso_9409_1_50_4_m6"  # pattern where none is chosen
 ELEMENTS = ("screw", "pin", "none")  # accepted in column ``element``
 HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
 BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 2.4 mm inside the heads of the flange's screws

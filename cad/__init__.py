@@ -1,10 +1,10 @@
-"""Parametric CAD of the endcap: two numbers in, solids out (build123d). Importing this loads no CAD kernel."""
+"""Parametric CAD of the endcap: solids (build123d) from two numbers. Importing this package loads no CAD kernel."""
 
 from __future__ import annotations
 
 
 def __getattr__(name: str) -> str:
-    """``cad.__version__``: version of the installed distribution, read when it is asked for."""
+    """``cad.__version__``: version of the installed distribution, read on first use."""
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib.metadata import version

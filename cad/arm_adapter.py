@@ -1,10 +1,10 @@
-"""The arm adapter: between the base's five lugs, whose circle grows with D, and a robot's flange, which does not.
+"""The arm adapter, which joins the base's five lugs, whose circle grows with D, to a robot's flange of fixed size.
 
 A hub with five arms, 20 mm thick (M, the released arm part), below the base. Endcap frame, millimetres. Its robot side
 is a pattern of ``robot_sides.csv``: holes for the flange's screws, whose heads sink into the hub's upper face, and a
-pin. The heads of the interface's ten M3 screws stay free between the arms, so a dome is changed with the base on the
-robot. Cables leave through the hub's bore and a groove to its edge. Printed as it stands; nothing hangs over but the
-floors of head pockets.
+pin. The heads of the interface's ten M3 screws stay accessible between the arms, so that a dome can be changed while
+the base stays on the robot. Cables leave through the hub's bore and a groove to its edge. The part is printed in this
+pose; only the floors of the head pockets overhang.
 """
 
 from __future__ import annotations
@@ -28,18 +28,19 @@ from cad.robot_sides import (
 if TYPE_CHECKING:
     from cad.params import EndcapParams
 
-GROOVE_DEPTH_MM = 10.0  # E
+GROOVE_DEPTH_MM = 10.0  # E: of the cable groove, from the hub's upper face
 SCREW_RADIUS_MM = 2.25  # M: M4 through
-HEAD_RADIUS_MM = 4.125  # M
+HEAD_RADIUS_MM = 4.125  # M: pocket for an M4 head
 HEAD_DEPTH_MM = 6.0  # E: M4 x 20 then holds 6 mm of the insert
-COLOR = (0.42, 0.36, 0.50)
+COLOR = (0.42, 0.36, 0.50)  # RGB, 0..1
 
 
 def adapter_part(params: EndcapParams, robot: str = DEFAULT_ROBOT) -> Part:
     """Build the adapter for a diameter and a robot.
 
     Args:
-        params: the design. robot: a pattern of ``robot_sides.csv``.
+        params: design of the endcap.
+        robot: name of a pattern in ``robot_sides.csv``.
 
     Raises:
         ParameterError: an unknown robot.
@@ -75,13 +76,13 @@ def adapter_part(params: EndcapParams, robot: str = DEFAULT_ROBOT) -> Part:
 
 
 def arm_places_mm(params: EndcapParams) -> tuple[tuple[float, float], ...]:
-    """Axes (x, y) of the five M4 screws."""
+    """Axes (x, y) of the five M4 screws, mm in the endcap frame."""
     angles = [math.radians(azimuth) for azimuth in params.arm_azimuths_deg]
     return tuple((params.arm_circle_radius_mm * math.cos(a), params.arm_circle_radius_mm * math.sin(a)) for a in angles)
 
 
 def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
-    """Five M4 from below into the inserts of the base's lugs."""
+    """Joint of the five M4 screws that go from below into the inserts of the base's lugs."""
     return (
         ScrewJoint(
             "adapter_to_base",

@@ -1,6 +1,6 @@
-"""The assembly: all parts, named and coloured, in place or exploded, as STEP (CadQuery, OCCT's XCAF).
+"""The assembly as STEP: all parts with name and colour, in place or exploded (CadQuery, OCCT's XCAF).
 
-Millimetres in the endcap frame. The GLB is made of the meshes (:mod:`fab.exports.glb`).
+Lengths are in mm in the endcap frame. The GLB is made from the meshes (:mod:`fab.exports.glb`).
 
 Notes:
     The file is reproducible byte for byte (:mod:`cad.step_file`); a new version of OCCT may still write other bytes.
@@ -21,13 +21,13 @@ from cad.whole_file import drafted
 if TYPE_CHECKING:
     import cadquery
 
-Offset = tuple[float, float, float]
+Offset = tuple[float, float, float]  # displacement x, y, z in mm
 
 
 def build_assembly(
     parts: Sequence[Part], offsets: Mapping[str, Offset] | None = None, name: str = "endcap"
 ) -> cadquery.Assembly:
-    """Put parts together.
+    """Build an assembly from parts.
 
     Args:
         parts: parts in the endcap frame; each one's name and colour go into the files.
@@ -46,9 +46,9 @@ def build_assembly(
 
     offsets = offsets or {}
     names = [part.name for part in parts]
-    strangers = sorted(set(offsets) - set(names))
-    if len(set(names)) < len(names) or strangers:
-        raise GeometryError(f"assembly of {names}: names must differ, and offsets for {strangers} move nothing")
+    unknown = sorted(set(offsets) - set(names))
+    if len(set(names)) < len(names) or unknown:
+        raise GeometryError(f"assembly of {names}: names must differ, and offsets for {unknown} move nothing")
     assembly = cq.Assembly(name=name)
     for part in parts:
         shape = cq.Shape.cast(copied(part.solid).wrapped)
@@ -58,12 +58,15 @@ def build_assembly(
 
 
 def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float) -> dict[str, Offset]:
-    """Displacements along z that draw parts apart.
+    """Displacements along z that separate the parts in an exploded view.
 
     Args:
-        spans_mm: lowest and highest z of each part, in the order from base to dome. (The solid of the TPU interface is
-            its flange: give the span of its mesh.)
-        gap_mm: least clear height between one part and the next; parts that are further apart stay where they are.
+        spans_mm: lowest and highest z of each part by its name, mm, in the order from base to dome. (The solid of the
+            TPU interface is its flange: give the span of its mesh.)
+        gap_mm: least clear height between one part and the next, mm; parts that are further apart stay in place.
+
+    Returns:
+        Part name -> displacement (x, y, z), mm.
     """
     offsets: dict[str, Offset] = {}
     top = -math.inf
@@ -75,7 +78,7 @@ def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float)
 
 
 def write_step(assembly: cadquery.Assembly, path: Path) -> None:
-    """Write an assembly as STEP; it appears whole or not at all.
+    """Write an assembly as a STEP file, which appears complete or not at all.
 
     Raises:
         FileError: the file could not be written.
@@ -91,6 +94,6 @@ def write_step(assembly: cadquery.Assembly, path: Path) -> None:
 
 
 def _require_whole(path: Path, whole: bool) -> None:
-    """OCCT's writers are silent about a full disk: their files say themselves where they end."""
+    """Refuse a truncated file: OCCT's writers do not report a full disk, but a complete file has an end mark."""
     if not whole:
         raise FileError(f"{path.name}: the writer stopped before its end: make room on the disk")

@@ -1,14 +1,14 @@
-"""The rigid base: carries camera, ring and interface, and bolts to the robot arm. Endcap frame, millimetres.
+"""The rigid base, which carries camera, ring and interface and bolts to the robot arm. Endcap frame, millimetres.
 
-It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside the silicone's. At D=130 it is the
+It lies below the mating plane, z -16..0, and follows a sphere 2.5 mm outside that of the silicone. At D=130 it is the
 released base: seats, pockets, holes and lugs (M, GEO02 to GEO21 of docs/provenance.md) are those of its STEP file;
-where it departs, and why, is listed with volumes in docs/base.md and tested. All sizes depend on the diameter alone.
+docs/base.md lists the differences with reasons and volumes, and tests check them. All sizes depend on D alone.
 Provenance letters: M measured, S standard, E our estimate.
 
-Printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the lugs
-stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the floors of the blind holes are bridged. Where
-the sphere would overhang by more than 45 degrees (D 109 to 240, up to 55) its tangent cone takes over, at most 1.4 mm
-proud (1.1 mm at D=130), so no support is needed.
+The base is printed with its bottom (z = -16) on the bed: pockets for camera, ring, cable and M4 heads open upward; the
+lugs stand on the bed; only the seats under the M3 heads, 1.6 mm wide, and the floors of the blind holes are bridged.
+Where the sphere would overhang by more than 45 degrees (D 109 to 240, up to 55), its tangent cone replaces it, at most
+1.4 mm outside the sphere (1.1 mm at D=130), so that no support is needed.
 """
 
 from __future__ import annotations
@@ -30,39 +30,39 @@ SCREW_HOLE_RADIUS_MM = 1.7  # M: M3 through
 SCREW_HEAD_RADIUS_MM = 3.25  # M: M3 cap head, 5.5 wide
 SCREW_SEAT_Z_MM = -3.1  # M: M3 x 8 over a small washer holds all of the nut and stays 0.6 mm under the TPU roof
 RECESS_RADIUS_MM = 39.0  # M: takes the ring's spacer
-RECESS_EDGE_DEPTH_MM = 0.28  # M
+RECESS_EDGE_DEPTH_MM = 0.28  # M: height of the cylinder above the cone
 RECESS_FLOOR_RADIUS_MM = 35.0  # M: the cone's own end; the released edge is rounded from 35.4 to 34.6, 0.04 mm deep
-RECESS_DEPTH_MM = 1.0  # M
+RECESS_DEPTH_MM = 1.0  # M: of the floor below the mating plane
 CAMERA_POCKET_WIDTH_MM = 31.95  # M: square, under the board
-CAMERA_POCKET_Z_MM = -10.0  # M: room for what is soldered to the board's back
+CAMERA_POCKET_Z_MM = -10.0  # M: floor; room for the components on the board's back
 CAMERA_POST_MM = 3.95  # M: side of the corner posts on which the board lies
 CAMERA_HOLE_RADIUS_MM = 0.975  # M: M2 self-tapping, through
 CAMERA_HOLE_OFFSET_MM = 14.0  # M: square pitch 28
-CABLE_OFFSET_MM = 12.5  # M
-CABLE_POCKET_RADIUS_MM = 7.5  # M
-CABLE_HOLE_RADIUS_MM = 4.1  # M
-SLOT_OFFSET_MM = 22.576  # M
+CABLE_OFFSET_MM = 12.5  # M: of the cable holes from the axis, along y
+CABLE_POCKET_RADIUS_MM = 7.5  # M: at the level of the camera pocket
+CABLE_HOLE_RADIUS_MM = 4.1  # M: through
+SLOT_OFFSET_MM = 22.576  # M: of the slots from the axis, along x
 SLOT_RADIUS_MM = 5.5  # M: through, for a cable that leaves along x
 CHANNEL_HALF_WIDTH_MM = 4.0  # M: between camera pocket and slot
 CHANNEL_ROUND_MM = 4.0  # M: edge over which the cable bends into the slot
 M4_POSITION_MM = (28.531, 7.5)  # M: all four signs
-M4_HOLE_RADIUS_MM = 2.25  # M
-M4_HEAD_RADIUS_MM = 4.125  # M
+M4_HOLE_RADIUS_MM = 2.25  # M: through
+M4_HEAD_RADIUS_MM = 4.125  # M: pocket for the head
 M4_SEAT_Z_MM = -5.0  # M: a 4 mm head ends flush with the recess, so the spacer lies flat
 POCKET_ROUND_MM = 2.0  # M: upright edges of the pockets
-POST_ROUND_MM = 1.94  # M: 1.975, less what keeps it clear of the pocket's own rounding
+POST_ROUND_MM = 1.94  # M: 1.975, reduced so that it stays clear of the pocket's own rounding
 CHAMFER_MM = 0.75  # M: edge of all pockets at the recess's floor
 BLIND_HOLE_RADIUS_MM = 2.0  # M: six from below
-BLIND_CIRCLE_RADIUS_MM = 30.0  # M
+BLIND_CIRCLE_RADIUS_MM = 30.0  # M: circle of their axes
 BLIND_AZIMUTHS_DEG = (30.0, 90.0, 150.0, 210.0, 270.0, 330.0)  # M
-BLIND_DEPTH_MM = 6.0  # M: then a 45 degree point
+BLIND_DEPTH_MM = 6.0  # M: of the cylinder; a 45 degree point follows
 ARM_INSERT_RADIUS_MM = 2.8  # M: threaded insert
-ARM_INSERT_DEPTH_MM = 9.2  # M: then a 45 degree point
-LUG_RADIUS_MM = 7.5  # M
+ARM_INSERT_DEPTH_MM = 9.2  # M: of the cylinder; a 45 degree point follows
+LUG_RADIUS_MM = 7.5  # M: of the round end; half the lug's width
 LUG_FILLET_MM = 20.0  # M: between a lug's side and the bottom circle
-LEAST_FILLET_MM = 2.0  # E: a smaller one stiffens nothing
-MAX_OVERHANG_DEG = 45.0
-LAYER_MM = 0.2
+LEAST_FILLET_MM = 2.0  # E: a smaller one adds no stiffness
+MAX_OVERHANG_DEG = 45.0  # from the vertical: printed without support
+LAYER_MM = 0.2  # height of a printed layer
 
 
 def base_part(params: EndcapParams) -> Part:
@@ -78,7 +78,7 @@ def base_part(params: EndcapParams) -> Part:
 
 
 def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
-    """Screws that the base asks for: ten into the interface's nuts, four that hold the camera."""
+    """Screw joints of the base: ten screws into the interface's nuts, and four that hold the camera."""
     azimuths = [math.radians(azimuth) for azimuth in params.screw_azimuths_deg]
     circle = tuple(
         (params.screw_circle_radius_mm * math.cos(a), params.screw_circle_radius_mm * math.sin(a)) for a in azimuths
@@ -117,7 +117,7 @@ def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:
 
 
 def flank_profile(params: EndcapParams) -> tuple[float, float, float]:
-    """How the flank departs from its sphere.
+    """Profile of the flank where it departs from its sphere.
 
     Returns:
         ``(tangent_z, tangent_radius, bottom_radius)``, mm: at and below ``tangent_z`` a 45 degree cone replaces the
@@ -125,14 +125,14 @@ def flank_profile(params: EndcapParams) -> tuple[float, float, float]:
     """
     radius, centre, bottom_z = params.base_sphere_radius_mm, params.centre_height_mm, -params.base_thickness_mm
     tangent_z = centre - radius * math.sin(math.radians(MAX_OVERHANG_DEG))
-    if tangent_z < bottom_z + LAYER_MM:  # a cone lower than one printed layer is not worth its sliver of a face
+    if tangent_z < bottom_z + LAYER_MM:  # a cone lower than a printed layer is only a sliver of a face
         tangent_z = bottom_z
     tangent_radius = math.sqrt(radius**2 - (tangent_z - centre) ** 2)
     return tangent_z, tangent_radius, tangent_radius - (tangent_z - bottom_z)
 
 
 def lug_fillet_mm(params: EndcapParams) -> float:
-    """Radius of the fillet between lug and flank, in plan: the released 20 where the lug is long enough, 0 for none.
+    """Radius of the fillet between lug and flank in plan, mm: 20 as released where the lug is long enough, 0 for none.
 
     A circle of radius r that touches the lug's side and, from outside, the bottom circle of radius b begins at x with
     x^2 = (b + r)^2 - (7.5 + r)^2 on the lug's side; it must not lie beyond the lug's axis.
@@ -143,7 +143,7 @@ def lug_fillet_mm(params: EndcapParams) -> float:
 
 
 def _body(params: EndcapParams) -> Shape:
-    """Segment of the sphere with its five lugs, which reach up to the mating plane."""
+    """Segment of the sphere with the five lugs, which reach up to the mating plane."""
     from build123d import Axis, Edge, Face, Rot, Wire, revolve
 
     radius, centre, bottom_z = params.base_sphere_radius_mm, params.centre_height_mm, -params.base_thickness_mm
@@ -165,7 +165,7 @@ def _body(params: EndcapParams) -> Shape:
 
 
 def _lug_outline(params: EndcapParams) -> Face:
-    """A lug in plan, at azimuth 0: a strip with a round end, and its fillets."""
+    """Outline of a lug in plan, at azimuth 0: a strip with a round end, and its fillets."""
     from cad.outlines import disc, polygon, rectangle
 
     bottom, reach, half = flank_profile(params)[2], params.arm_circle_radius_mm, LUG_RADIUS_MM
@@ -177,12 +177,12 @@ def _lug_outline(params: EndcapParams) -> Face:
         for side in (-1, 1):
             centre = (start, side * (half + radius))
             corners = [(root, 0.0), (start, 0.0), (start, side * half), centre, (touch * start, touch * centre[1])]
-            outline = outline + (polygon(corners[::side]) - disc(centre, radius))  # all faces look up
+            outline = outline + (polygon(corners[::side]) - disc(centre, radius))  # the normals of all faces point up
     return outline
 
 
 def _cuts(params: EndcapParams) -> list[Shape]:
-    """Everything that is taken out of the body; tools that touch are joined first, which halves the kernel's work."""
+    """Tools that are subtracted from the body; those that touch are joined first, which halves the kernel's time."""
     from build123d import Pos, Rot
 
     bottom_z = -params.base_thickness_mm
@@ -201,7 +201,7 @@ def _cuts(params: EndcapParams) -> list[Shape]:
 
 @cache
 def hardware_cut(bottom_z: float) -> Shape:
-    """What camera, ring, cables and M4 screws take out: the same tool at every size, so it is made once."""
+    """Tool that makes room for camera, ring, cables and M4 screws; it is the same at every size and made once."""
     from build123d import Cone, Pos, Solid, Vector
 
     seat, edge_z = scaling.CAMERA_SEAT_Z_MM, scaling.CAMERA_SEAT_Z_MM - CHAMFER_MM
@@ -226,7 +226,7 @@ def hardware_cut(bottom_z: float) -> Shape:
 
 
 def _pocket_outline() -> Face:
-    """Camera pocket with its cable discs, channels and slots in plan."""
+    """Outline in plan of the camera pocket with its cable discs, channels and slots."""
     from cad.outlines import disc, rectangle
 
     wide, narrow = CAMERA_POCKET_WIDTH_MM / 2, CAMERA_POCKET_WIDTH_MM / 2 - CAMERA_POST_MM
@@ -243,14 +243,14 @@ def _pocket_outline() -> Face:
 
 
 def _is_pocket_corner(x: float, y: float) -> bool:
-    """Whether a corner of the outline is sharp: the others are ends of the posts' fillets."""
+    """Whether a corner (x, y) of the outline is sharp; the other corners are ends of the posts' fillets."""
     wide, narrow = CAMERA_POCKET_WIDTH_MM / 2, CAMERA_POCKET_WIDTH_MM / 2 - CAMERA_POST_MM
     on_wall = max(abs(x), abs(y)) > wide - 1e-6
     return (on_wall and min(abs(x), abs(y)) < narrow + 1e-6) or abs(x) > wide
 
 
 def _bend(side: int) -> Shape:
-    """The rounded edge between pocket and slot, over which the cable bends."""
+    """Tool for the rounded edge between pocket and slot, over which the cable bends."""
     from build123d import Axis, Pos, Rot, revolve
 
     from cad.outlines import disc, rectangle, upright
@@ -263,7 +263,7 @@ def _bend(side: int) -> Shape:
 
 
 def _prism(face: Face, low_z: float, high_z: float) -> Shape:
-    """A plan extruded between two heights."""
+    """A plane face extruded between two heights."""
     from build123d import Pos, Solid, Vector
 
     return Solid.extrude(Pos(0, 0, low_z) * face, Vector(0, 0, high_z - low_z))
@@ -285,7 +285,7 @@ def _blind(radius: float, bottom_z: float, depth: float) -> Shape:
 
 
 def _recess() -> Shape:
-    """The ring's recess: a short cylinder, then a cone that centres the spacer."""
+    """Tool for the ring's recess: a short cylinder, then a cone that centres the spacer."""
     from build123d import Axis, Face, Wire, revolve
 
     profile = [

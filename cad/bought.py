@@ -1,4 +1,4 @@
-"""Dimensions of bought parts: one table, ``bought.csv``, one row a dimension (millimetres; standard library only).
+"""Dimensions of bought parts: table ``bought.csv``, one row per dimension (millimetres; standard library only).
 
 Columns: ``part``, ``dimension``, ``value_mm``, ``provenance`` (letter of docs/provenance.md) and ``note``.
 """
@@ -17,11 +17,12 @@ TABLE = Path(__file__).with_name("bought.csv")
 
 @dataclass(frozen=True)
 class Dimension:
-    """One row.
+    """One row of the table.
 
     Attributes:
-        part, dimension: together its name.
-        value_mm: of the dimension.
+        part: name of the bought part.
+        dimension: name of the dimension; with ``part`` it identifies the row.
+        value_mm: the dimension, mm.
     """
 
     part: str
@@ -31,10 +32,10 @@ class Dimension:
 
 @cache
 def bought_table() -> dict[tuple[str, str], float]:
-    """All rows: ``(part, dimension)`` -> millimetres.
+    """All rows: ``(part, dimension)`` -> value in mm.
 
     Raises:
-        FileError: a missing or unreadable table, naming the line.
+        FileError: the table is missing or unreadable; the message names the line.
     """
     rows = read_table(TABLE, _dimension, "part", "dimension")
     return {(row.part, row.dimension): row.value_mm for row in rows.values()}
@@ -48,7 +49,7 @@ def bought_mm(part: str, dimension: str) -> float:
     """One dimension of a bought part in mm, for example ``bought_mm("nut_m3", "across_flats")``.
 
     Raises:
-        ParameterError: no such row; the message lists what the part has.
+        ParameterError: there is no such row; the message lists all rows.
     """
     table = bought_table()
     if (part, dimension) not in table:

@@ -1,9 +1,9 @@
-"""The camera as a bought body: ELP-USBFHD01M, a 32 mm board with an M12 lens of 180 degrees (P, CAM01).
+"""Envelope of the bought camera ELP-USBFHD01M: a 32 mm board with an M12 lens of 180 degrees (P, CAM01).
 
-Endcap frame, millimetres; keeps its size at every diameter. The board's pocket and screw pitch are measured (M, GEO15,
-GEO16); the heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
-(``CAMERA_SEAT_Z_MM``) and the entrance pupil a stack above it (cad/cameras.csv). Only the front glass rises over
-the 180 degree plane.
+Endcap frame, millimetres; its size is the same at every diameter. The board's pocket and screw pitch are measured (M,
+GEO15, GEO16); the heights of holder and lens are our estimate (E). The board's back lies on the base's corner posts
+(``CAMERA_SEAT_Z_MM``), and the entrance pupil lies ``stack_mm`` above it (cad/cameras.csv). Only the front glass rises
+above the 180 degree plane.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
     from cad.params import EndcapParams
 
-BOARD_WIDTH_MM = 32.0  # E: nominal; lies over the 31.95 pocket on its corner posts
-BOARD_THICKNESS_MM = 1.6  # S
+BOARD_WIDTH_MM = 32.0  # E: nominal; lies on the corner posts of the 31.95 mm pocket
+BOARD_THICKNESS_MM = 1.6  # S: usual circuit board
 BOARD_HOLE_RADIUS_MM = 1.1  # E: M2 passes
-BACK_MM = (17.0, 17.0, 3.0)  # E: what is soldered to the back
-PLUG_MM = (9.0, 5.0, 4.5)  # E: USB plug over a cable way
+BACK_MM = (17.0, 17.0, 3.0)  # E: x, y, z of the components soldered to the back
+PLUG_MM = (9.0, 5.0, 4.5)  # E: x, y, z of the USB plug over a cable hole
 HOLDER_WIDTH_MM = 16.0  # E: lens holder
-HOLDER_HEIGHT_MM = 9.0  # E
+HOLDER_HEIGHT_MM = 9.0  # E: above the board
 BARREL_RADIUS_MM = 6.0  # S: M12
 HEAD_RADIUS_MM = 8.5  # E: lens head
-HEAD_HEIGHT_MM = 8.0  # E
+HEAD_HEIGHT_MM = 8.0  # E: below its rim
 PUPIL_TO_HEAD_MM = 0.5  # E: pupil above the rim of the lens head, so that the head stays out of the view
 GLASS_RADIUS_MM = 7.5  # E: front glass, at the rim of the lens head
-GLASS_HEIGHT_MM = 2.0  # E
+GLASS_HEIGHT_MM = 2.0  # E: of its dome above that rim
 
 
 def camera_part(params: EndcapParams) -> Part:
@@ -58,7 +58,7 @@ def camera_part(params: EndcapParams) -> Part:
 
 
 def _glass(rim_z: float) -> Shape:
-    """Spherical cap on the lens head."""
+    """Spherical cap of the front glass on the lens head, whose rim lies at ``rim_z``."""
     from build123d import Box, Pos, Sphere
 
     radius = (GLASS_RADIUS_MM**2 + GLASS_HEIGHT_MM**2) / (2 * GLASS_HEIGHT_MM)

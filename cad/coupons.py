@@ -1,15 +1,15 @@
-"""Test pieces to print and cast before an endcap: fit of joints and nuts, and bond specimens. Millimetres.
+"""Test pieces to print and cast before an endcap: fit coupons for joints and nuts, and bond specimens. Millimetres.
 
-Every part stands on z = 0 as it is printed. Sizes are the paper's where marked P, our estimate where marked E.
+Every part stands on z = 0 in its printing pose. Sizes marked P are from the paper, those marked E are our estimate.
 
 * Fit: a plate with one jigsaw socket for each clearance, a tab that goes into them, and a TPU bar with nut pockets.
-  Notches on the edge count the step: one for the first, two for the second.
-* Tensile (P): 25 x 25 x 50 silicone on a TPU block of the same size with 25 of interference, so 75 long; the other
-  group is a plain block and a plain prism, glued.
-* Peel, after ASTM D1876 (P): 25 x 300 x 25, 100 unbonded. Read as 25 thick in all: TPU arm, one period of gyroid,
-  silicone arm (E); a printed spacer keeps the arms apart where they are not bonded.
+  Notches on the edge number the steps: one notch for the first, two for the second.
+* Tensile (P): 25 x 25 x 50 silicone on a TPU block of the same size with 25 of interference, which gives a length of
+  75; the other group is a plain block and a plain prism, glued.
+* Peel, after ASTM D1876 (P): 25 x 300 x 25, 100 unbonded. We interpret 25 as the total thickness: TPU arm, one period
+  of gyroid, silicone arm (E); a printed spacer separates the arms where they are not bonded.
 
-Bond specimens are cast lying in open trays; a hole under the TPU's grip end pushes them out.
+Bond specimens are cast lying in open trays; they are pushed out through a hole under the TPU's grip end.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from cad.part import Part
 if TYPE_CHECKING:
     from build123d import Shape, Solid
 
-CLEARANCES_MM = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # a side; the molds' default is 0.15
-NUT_WIDTHS_MM = tuple(round(POCKET_WIDTH_MM + d, 2) for d in (-0.10, 0.0, 0.10, 0.20))
-TAB_RADIUS_MM = 4.0  # as the core's tabs
-TAB_BEYOND_MM = 0.62 * TAB_RADIUS_MM
+CLEARANCES_MM = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # on each side; the molds' default is 0.15
+NUT_WIDTHS_MM = tuple(round(POCKET_WIDTH_MM + d, 2) for d in (-0.10, 0.0, 0.10, 0.20))  # of the pockets
+TAB_RADIUS_MM = 4.0  # that of the core's tabs
+TAB_BEYOND_MM = 0.62 * TAB_RADIUS_MM  # distance of the disc's centre beyond the seam
 PLATE_MM = 8.0  # height of joint and tab
-PITCH_MM = 14.0
+PITCH_MM = 14.0  # between the middles of neighbouring sockets
 NOTCH_MM = 1.2  # width of a counting notch
-WIDTH_MM = 25.0  # P, BND01: of every bond specimen
-TENSILE_BLOCK_MM = 50.0  # P, BND01: TPU, and silicone
-INTERFERENCE_MM = 25.0  # P, BND02
-PEEL_MM = 300.0  # P, BND05
-UNBONDED_MM = 100.0  # P, BND05
-ARM_MM = 5.5  # E: each arm of a peel specimen
-PEEL_ZONE_MM = WIDTH_MM - 2 * ARM_MM  # one period of the 10 % gyroid
-TRAY_WALL_MM = 4.0
-TRAY_PLAY_MM = 0.2  # a side, between TPU and tray
-PUSH_RADIUS_MM = 4.0
-PLA, TPU = (0.82, 0.82, 0.86), (0.90, 0.55, 0.10)
+WIDTH_MM = 25.0  # P, BND01: width and thickness of every bond specimen
+TENSILE_BLOCK_MM = 50.0  # P, BND01: length of the TPU, and of the silicone
+INTERFERENCE_MM = 25.0  # P, BND02: length in which the gyroid locks TPU and silicone
+PEEL_MM = 300.0  # P, BND05: length of a peel specimen
+UNBONDED_MM = 100.0  # P, BND05: length of it that is not bonded
+ARM_MM = 5.5  # E: thickness of each arm of a peel specimen
+PEEL_ZONE_MM = WIDTH_MM - 2 * ARM_MM  # height of its gyroid: one period of the 10 % gyroid
+TRAY_WALL_MM = 4.0  # thickness of a tray's walls and floor
+TRAY_PLAY_MM = 0.2  # on each side, between TPU and tray
+PUSH_RADIUS_MM = 4.0  # of the push-out hole
+PLA, TPU = (0.82, 0.82, 0.86), (0.90, 0.55, 0.10)  # colours: RGB, 0..1
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Tray:
     """An open mold for one specimen.
 
     Attributes:
-        name: of the part.
-        length_mm: of its cavity, play included.
-        push_mm: distance of the push-out hole from the cavity's end; 0 for none.
+        name: name of the part.
+        length_mm: length of its cavity, play included, mm.
+        push_mm: distance of the push-out hole from the cavity's end, mm; 0 for no hole.
     """
 
     name: str
@@ -60,16 +60,16 @@ class Tray:
 
     @property
     def width_mm(self) -> float:
-        """Width of the cavity."""
+        """Width of the cavity, mm."""
         return WIDTH_MM + 2 * TRAY_PLAY_MM
 
     @property
     def depth_mm(self) -> float:
-        """Depth of the cavity: filled to the brim it is the specimen's thickness."""
+        """Depth of the cavity, mm: the specimen's thickness when the cavity is filled to the brim."""
         return WIDTH_MM
 
 
-TRAYS = (
+TRAYS = (  # molds of the bond specimens
     Tray("tensile_tray", 2 * TENSILE_BLOCK_MM - INTERFERENCE_MM + 2 * TRAY_PLAY_MM, 12.5),
     Tray("tensile_plain_tray", TENSILE_BLOCK_MM, 0.0),
     Tray("peel_tray", PEEL_MM + 2 * TRAY_PLAY_MM, 12.5),
@@ -77,7 +77,7 @@ TRAYS = (
 
 
 def coupon_parts() -> tuple[Part, ...]:
-    """Every printed part; those with gyroid as their solid portion (the mesh adds it: :mod:`fab.coupons.__main__`)."""
+    """All printed parts, without gyroid, which the meshes add (:mod:`fab.coupons.__main__`)."""
     makers = (
         ("fit_plate", "PLA", fit_plate()),
         ("fit_tab", "PLA", fit_tab()),
@@ -95,7 +95,7 @@ def coupon_parts() -> tuple[Part, ...]:
 
 
 def zones_mm() -> dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]]:
-    """Gyroid zones as boxes (low, high) on their TPU parts."""
+    """Gyroid zones: name of the TPU part -> lowest and highest corner of a box, mm."""
     half = WIDTH_MM / 2
     foot = TENSILE_BLOCK_MM - INTERFERENCE_MM
     return {
@@ -105,7 +105,15 @@ def zones_mm() -> dict[str, tuple[tuple[float, float, float], tuple[float, float
 
 
 def cast_volume_mm3(name: str, tpu_mm3: float) -> float:
-    """Silicone that fills a tray to the brim round the TPU part in it (mm3), by the boxes' closed form."""
+    """Volume of silicone that fills a tray to the brim round the TPU part in it, from the sizes of the boxes.
+
+    Args:
+        name: name of the tray.
+        tpu_mm3: volume of the TPU part, mm3.
+
+    Returns:
+        The volume, mm3.
+    """
     tray = {tray.name: tray for tray in TRAYS}[name]
     cavity = tray.length_mm * tray.width_mm * tray.depth_mm
     spacer = (UNBONDED_MM - TRAY_PLAY_MM) * WIDTH_MM * PEEL_ZONE_MM if name == "peel_tray" else 0.0
@@ -113,7 +121,7 @@ def cast_volume_mm3(name: str, tpu_mm3: float) -> float:
 
 
 def fit_plate() -> Solid:
-    """A plate with one socket for each clearance in its edge y = 0, counted by notches in the other edge."""
+    """Plate with one socket for each clearance in its edge y = 0, numbered by notches in the opposite edge."""
     length, depth = PITCH_MM * len(CLEARANCES_MM), 14.0
     body: Shape = _at(_box(length, depth, PLATE_MM), length / 2, -depth / 2)
     cuts = []
@@ -126,18 +134,18 @@ def fit_plate() -> Solid:
 
 
 def fit_tab() -> Solid:
-    """The nominal tab on a handle: slides into a socket from above, the same gap round the tab and on the seam."""
+    """Nominal tab on a handle; it slides into a socket from above, with the same gap round the tab and on the seam."""
     handle = _at(_box(PITCH_MM - 2.0, 12.0, PLATE_MM), 0.0, 6.0)
     return _one(handle.fuse(_disc(0.0, -TAB_BEYOND_MM, TAB_RADIUS_MM)), "fit_tab")
 
 
 def socket_x_mm(step: int) -> float:
-    """Middle of a socket along the plate."""
+    """Middle of a socket along the plate, mm."""
     return PITCH_MM * (step + 0.5)
 
 
 def fit_nuts() -> Solid:
-    """A TPU bar with a pocket for each width, open on one side like the interface's, counted by notches."""
+    """TPU bar with a pocket for each width, open on one side as in the interface, numbered by notches."""
     nut = bought_mm("nut_m3", "across_flats")
     pitch, depth, height = nut + 6.0, nut + 6.0, 6.0
     length = pitch * len(NUT_WIDTHS_MM)
@@ -153,7 +161,7 @@ def fit_nuts() -> Solid:
 
 
 def tray_solid(tray: Tray) -> Solid:
-    """A box with an open cavity, and a hole to push the specimen out by its TPU grip end."""
+    """Box with an open cavity, and with a hole through which the specimen is pushed out by its TPU grip end."""
     length, width = tray.length_mm + 2 * TRAY_WALL_MM, tray.width_mm + 2 * TRAY_WALL_MM
     body: Shape = _box(length, width, tray.depth_mm + TRAY_WALL_MM)
     cuts = [_at(_box(tray.length_mm, tray.width_mm, tray.depth_mm), 0.0, 0.0, TRAY_WALL_MM)]

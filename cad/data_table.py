@@ -1,4 +1,7 @@
-"""Data files: CSV with one row a record; whatever is wrong is named by file, line and row. Names of rows as files."""
+"""Reader of CSV tables with one record per row; errors name file, line and row. Also turns row names into file names.
+
+Standard library only.
+"""
 
 from __future__ import annotations
 
@@ -14,22 +17,26 @@ from cad.errors import EndcapError, FileError
 
 Record = TypeVar("Record")
 FORM = "fill every column, numbers as plain decimals, or remove the row"
-LOST_IN_FILES = re.compile(r"[^A-Za-z0-9._ -]")  # characters of a name that a file name has not
-DIGEST_DIGITS = 8
+LOST_IN_FILES = re.compile(r"[^A-Za-z0-9._ -]")  # characters of a name that a file name does not keep
+DIGEST_DIGITS = 8  # hexadecimal digits of SHA-256 that make a file name unique
 
 
 def read_table(path: Path, make: Callable[[dict[str, str]], Record], *key: str) -> dict[str, Record]:
-    """Read a table, in its order.
+    """Read a table; the records keep the order of its rows.
 
     Args:
-        path: CSV file in UTF-8 whose first line names the columns; a byte order mark, as spreadsheets write it, is
-            left out.
-        make: makes a record of a row; raises ``ValueError`` for a value that cannot be read.
-        key: columns that together name a row, ``name`` without any; no two rows may have the same, and no two names
-            may differ in case, or in spaces, hyphens and underscores, alone: either is typed, and names files.
+        path: CSV file in UTF-8 whose first line names the columns; the byte order mark that spreadsheets write is
+            ignored.
+        make: makes a record from a row; raises ``ValueError`` for a value that cannot be read.
+        key: columns that together identify a row; by default ``name``. No two rows may have the same key, and no two
+            names may differ only in case, or only in spaces, hyphens and underscores, since users type them and files
+            are named after them.
+
+        Returns:
+            Key of the row -> record.
 
     Raises:
-        FileError: a missing or unreadable file, a missing column, or a bad row, named by its line.
+        FileError: the file is missing or unreadable, a column is missing, or a row is bad; the message names its line.
     """
     records: dict[str, Record] = {}
     spelled: dict[tuple[str, str], str] = {}
@@ -52,9 +59,15 @@ def read_table(path: Path, make: Callable[[dict[str, str]], Record], *key: str) 
 
 
 def _require_one_spelling(where: str, names: dict[str, str], spelled: dict[tuple[str, str], str]) -> None:
-    """Refuse a name (column -> text) that rows above spell otherwise; ``spelled`` has theirs, and takes this row's."""
+    """Refuse a name that a row above spells differently, and record this row's spelling.
+
+    Args:
+        where: file, line and row, for the message.
+        names: column -> text of this row.
+        spelled: (column, normalised text) -> text in the rows above; receives this row's.
+    """
     for column, text in names.items():
-        if (other := spelled.setdefault((column, _alike(text)), text)) != text:
+        if (other := spelled.setdefault((column, _normalised(text)), text)) != text:
             raise FileError(
                 f"{where}: {column}={text!r} differs from {other!r}, in a row above it, in case or in spaces, hyphens "
                 "and underscores alone: names are typed in any case, and folders have hyphens: rename one of the two"
@@ -71,14 +84,14 @@ def _record(where: str, file: str, row: dict[str, str], make: Callable[[dict[str
 
 
 def file_name(name: str) -> str:
-    """The name of a row as part of a file name, another for every row of a table: ``Dragon-Skin-30``.
+    """Name of a row as part of a file name, unique within a table: ``Dragon-Skin-30``.
 
-    A hyphen stands for spaces and underscores, in which alone no two names differ (:func:`read_table`). A name with
-    other characters than those and ASCII letters, digits, dot and hyphen ends with digits of its SHA-256: without
-    them, two names in another script would be one.
+    A hyphen replaces spaces and underscores; no two names of a table differ in these alone (:func:`read_table`). Where
+    a name has characters other than these and ASCII letters, digits, dot and hyphen, digits of its SHA-256 are
+    appended, because two names in another script would otherwise give the same file name.
 
     Args:
-        name: of the row.
+        name: name of the row.
     """
     kept = re.sub(r"[^A-Za-z0-9.-]+", "-", name)
     if not LOST_IN_FILES.search(name):
@@ -87,16 +100,16 @@ def file_name(name: str) -> str:
     return f"{kept.strip('-')}-{digest}".lstrip("-")
 
 
-def _alike(name: str) -> str:
-    """A name without what does not count where it is typed, nor where it names a folder."""
+def _normalised(name: str) -> str:
+    """Normalised name: without the differences that are ignored in typed names and lost in folder names."""
     return re.sub(r"[ _-]+", "-", name).lower()
 
 
 def positive(row: dict[str, str], column: str) -> float:
-    """A positive number of a row.
+    """Read a positive number from a row.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the cell does not hold a positive number.
     """
     value = _finite(row[column])
     if not value > 0:
@@ -105,10 +118,10 @@ def positive(row: dict[str, str], column: str) -> float:
 
 
 def number(row: dict[str, str], column: str) -> float:
-    """A finite number of a row.
+    """Read a finite number from a row.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the cell does not hold a finite number.
     """
     value = _finite(row[column])
     if math.isnan(value):
@@ -117,7 +130,7 @@ def number(row: dict[str, str], column: str) -> float:
 
 
 def _finite(text: str) -> float:
-    """The number; nan for everything else."""
+    """The finite number that a text holds; nan for any other text."""
     try:
         value = float(text)
     except ValueError:

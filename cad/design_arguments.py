@@ -1,4 +1,4 @@
-"""The design of an endcap as options of a command: D, T, counts and size of its dots (standard library only)."""
+"""Command-line options of an endcap's design: D, T, counts and size of its dots (standard library only)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import plain, plain_number
 
-DEFAULTS: dict[str, Any] = {
+DEFAULTS: dict[str, Any] = {  # option -> value of the released sensor; lengths in mm
     "diameter": 130.0,
     "wall": 8.0,
     "dot_rings": rings_text(RELEASED_RINGS),
@@ -26,10 +26,11 @@ HELP = {
 
 
 def number(text: str) -> float:
-    """A plain decimal number, as the type of an option.
+    """Type of an option: a plain decimal number.
 
     Raises:
-        argparse.ArgumentTypeError: another form; argparse would name the function where a ``ValueError`` is raised.
+        argparse.ArgumentTypeError: the text has another form (a ``ValueError`` would make argparse print the name of
+            this function).
     """
     try:
         return plain_number(text)
@@ -38,10 +39,11 @@ def number(text: str) -> float:
 
 
 def add_design_arguments(parser: argparse._ActionsContainer, with_defaults: bool = True) -> None:
-    """Add the options of a design.
+    """Add the options of a design to a parser.
 
     Args:
-        parser: or a group of one. with_defaults: False leaves what is not given at None.
+        parser: the parser, or a group of its arguments.
+        with_defaults: whether an option that is not given has the released sensor's value; otherwise it is None.
     """
     for name, usual in DEFAULTS.items():
         parser.add_argument(
@@ -52,10 +54,10 @@ def add_design_arguments(parser: argparse._ActionsContainer, with_defaults: bool
 
 
 def design_of(options: argparse.Namespace) -> EndcapParams:
-    """The design that the options name; what is None is the released sensor's.
+    """Design from the options; an option that is None takes the value of the released sensor.
 
     Raises:
-        ParameterError: a design that cannot be made.
+        ParameterError: the design cannot be made.
     """
     given = {name: getattr(options, name) for name in DEFAULTS}
     chosen = {name: usual if given[name] is None else given[name] for name, usual in DEFAULTS.items()}
@@ -63,14 +65,15 @@ def design_of(options: argparse.Namespace) -> EndcapParams:
 
 
 def agreed_design(options: argparse.Namespace, held: EndcapParams | None, path: Path | str) -> EndcapParams:
-    """The design that a file was made of, where the options that were given agree with it.
+    """Design of a file, if the options that were given agree with it.
 
     Args:
-        options: of :func:`add_design_arguments` without defaults. held: the file's design; None where it says none:
-            then that of the options. path: the file.
+        options: those of :func:`add_design_arguments` without defaults.
+        held: design that the file records; where it records none (None), the design of the options is returned.
+        path: the file, for the message.
 
     Raises:
-        ParameterError: an option that says otherwise, or a design that cannot be made.
+        ParameterError: an option differs from the file's design, or the design cannot be made.
     """
     named = design_of(options)
     if held is None:
@@ -83,9 +86,9 @@ def agreed_design(options: argparse.Namespace, held: EndcapParams | None, path: 
     }  # fmt: skip
     other = [name for name in DEFAULTS if getattr(options, name) is not None and of_options[name] != of_file[name]]
     if other:
-        said = " ".join(f"--{name.replace('_', '-')} {_typed(of_options[name])}" for name in other)
+        typed = " ".join(f"--{name.replace('_', '-')} {_typed(of_options[name])}" for name in other)
         raise ParameterError(
-            f"{said}: {path} was taken of {held.label}, and its dots lie where that design has them: leave "
+            f"{typed}: {path} was taken of {held.label}, and its dots lie where that design has them: leave "
             f"{'this option' if len(other) == 1 else 'these options'} out, or give a file taken of the other endcap",
             name=other[0],
             value=of_options[other[0]],
@@ -98,7 +101,7 @@ def _typed(value: Any) -> str:
 
 
 def design_words(params: EndcapParams) -> tuple[str, ...]:
-    """A design as these options: D and T always, its dots where they are not the released ones."""
+    """Options that give a design: D and T always, its dots where they differ from the released ones."""
     options = params.option_words
     own = {"--dot-rings": options.get("dots"), "--dot-mm": options.get("dot_mm")}
     words = ("--diameter", plain(params.diameter_mm), "--wall", plain(params.wall_mm))

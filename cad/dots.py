@@ -1,12 +1,12 @@
-"""The pattern of dots on the inner surface: bumps on the mold core, dents in the silicone, marks in the image.
+"""Pattern of the dots on the inner surface, which are bumps on the mold core, dents in the silicone, marks in images.
 
-Standard library only, because the sensing side needs the same pattern. Directions are unit vectors from the sphere's
+Standard library only, because ``sensing`` uses the same pattern. Directions are unit vectors from the sphere's
 centre in the endcap frame; polar angles are measured from the tip of the dome (+z).
 
-Source: the released pattern (M, CAM06), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20
-dots at equal polar steps, one dot of every ring on a common meridian. The two equal counts put the equator midway
-between rings 6 and 7, so the step is 180/13 degrees, and counts beyond the equator mirror those before it. Other counts
-(:mod:`cad.pattern`) follow the same law.
+Source: the released pattern (M, CAM06), counted on unwrapped photos: 1, 6, 10, 12, 16, 18, 20, 20 dots at equal polar
+steps, one dot of every ring on a common meridian. The two equal counts place the equator midway between rings 6 and 7;
+the step is therefore 180/13 degrees, and counts beyond the equator mirror those before it. Other counts
+(:mod:`cad.pattern`) follow the same rule.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ class Dot:
     """One dot.
 
     Attributes:
-        ring: ring number, 0 at the tip.
+        ring: number of the ring, 0 at the tip.
         index: number within the ring, counted from the common meridian.
-        polar_deg: angle from the tip about the sphere's centre.
-        azimuth_deg: angle about the axis.
+        polar_deg: angle from the tip about the sphere's centre, degrees.
+        azimuth_deg: angle about the axis from x, degrees.
     """
 
     ring: int
@@ -38,19 +38,19 @@ class Dot:
 
     @property
     def direction(self) -> tuple[float, float, float]:
-        """Unit vector from the sphere's centre."""
+        """Unit vector from the sphere's centre, in the endcap frame."""
         polar, azimuth = math.radians(self.polar_deg), math.radians(self.azimuth_deg)
         return (math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar))
 
 
 def ring_count(params: EndcapParams, ring: int) -> int:
-    """Number of dots in a ring, mirrored about the equator between the last of the counts and the next ring."""
+    """Number of dots in a ring; rings beyond the equator mirror the counts of ``params.dot_rings``."""
     counts = params.dot_rings
     return counts[ring] if ring < len(counts) else counts[2 * len(counts) - 1 - ring]
 
 
 def dot_pattern(params: EndcapParams) -> tuple[Dot, ...]:
-    """All dots of a design, ring by ring, up to the rim of the camera's view (a whole dot must be visible)."""
+    """All dots of a design, ring by ring, as far as the camera sees a whole dot."""
     half_angle_deg = math.degrees(math.asin(params.dot_radius_mm / params.inner_radius_mm))
     step = step_deg(params.dot_rings)
     last = math.floor((params.view_rim_polar_deg - half_angle_deg) / step)
@@ -62,6 +62,6 @@ def dot_pattern(params: EndcapParams) -> tuple[Dot, ...]:
 
 
 def dot_position_mm(params: EndcapParams, dot: Dot) -> tuple[float, float, float]:
-    """Where a dot's centre lies on the inner sphere, in the endcap frame (mm)."""
+    """Position of a dot's centre on the inner sphere, in the endcap frame, mm."""
     x, y, z = (params.inner_radius_mm * c for c in dot.direction)
     return (x, y, z + params.centre_height_mm)

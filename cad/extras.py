@@ -1,6 +1,6 @@
-"""What to install when a library is missing: one line with the command, instead of a traceback (standard library only).
+"""Error line for a missing library, which gives the command that installs it (standard library only).
 
-The libraries come in groups, the extras of ``pyproject.toml``. A command whose library is missing ends with
+The libraries are grouped as the extras of ``pyproject.toml``. A command whose library is missing ends with
 
     endcap live: numba is not installed: run pip install 'endcap-toolkit[live]'
 
@@ -20,15 +20,15 @@ from types import TracebackType
 from cad.messages import LOG
 from cad.threads import one_thread
 
-DISTRIBUTION = "endcap-toolkit"
+DISTRIBUTION = "endcap-toolkit"  # name of the distribution
 KERNEL_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"  # build123d brings one without VTK
-SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}
-NO_CACHE = "no locator available"  # numba, where it finds no folder to write to
+SYSTEM_LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1", "libOpenGL.so.0": "libopengl0"}  # -> package
+NO_CACHE = "no locator available"  # in numba's message where it finds no folder for its cache
 
-_CAD = ("cad",)
-_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")
-_PICTURES = ("live", "robot", *_NUMERICS)
-EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that bring it
+_CAD = ("cad",)  # extras that contain the CAD kernel,
+_NUMERICS = ("sensing", "simulate", "train", "cluster", "onnx", "download", "lerobot")  # numerical libraries,
+_PICTURES = ("live", "robot", *_NUMERICS)  # and libraries for pictures
+EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras that contain it
     **dict.fromkeys(("OCP", "build123d", "cadquery", "vtkmodules", "pymeshlab", "typst", "embreex"), _CAD),
     **dict.fromkeys(("PIL", "gerbonara", "lxml", "manifold3d", "networkx", "shapely", "skimage", "trimesh"), _CAD),
     **dict.fromkeys(("cv2", "simplejpeg", "numba", "safetensors"), _PICTURES),
@@ -45,7 +45,7 @@ EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras t
     "mujoco": ("robot",),
     "pyarrow": ("lerobot",),
 }
-EXTRA_OF_COMMAND: dict[str, str] = {  # the longest prefix of the command's module decides; "" is the rest
+EXTRA_OF_COMMAND: dict[str, str] = {  # longest matching prefix of the command's module -> its extra; "" matches all
     "fab": "cad",
     "endcap.robot_model": "cad",
     "endcap.whole": "cad",
@@ -67,7 +67,7 @@ _started_as = ""  # "endcap train" where the command endcap runs a module
 
 
 def start_as(name: str) -> None:
-    """What the program calls itself from now on; empty for the name of each module."""
+    """Set the name of the program in messages from now on; empty for the name of each module."""
     global _started_as
     _started_as = name
 
@@ -78,26 +78,27 @@ def program(module: str) -> str:
 
 
 def install_command(*extras: str) -> str:
-    """The command that installs extras, for example ``pip install 'endcap-toolkit[live]'``."""
+    """Command that installs extras, for example ``pip install 'endcap-toolkit[live]'``."""
     return f"pip install '{DISTRIBUTION}[{','.join(extras)}]'"
 
 
 def extra_of_command(module: str) -> str:
-    """The extra that a command's module needs; empty for a module that is not a command of ours."""
+    """Extra that a command's module needs; empty for a module that is not a command of this project."""
     parts = module.split(".")
     prefixes = (".".join(parts[:count]) for count in range(len(parts), 0, -1))
     return next((EXTRA_OF_COMMAND[prefix] for prefix in prefixes if prefix in EXTRA_OF_COMMAND), "")
 
 
 def explain(error: BaseException, command: str) -> str | None:
-    """One line on what an import lacks and how to give it: a library, or a folder for compiled code.
+    """Line that names what an import lacks, a library or a folder for compiled code, and how to supply it.
 
     Args:
-        error: what an import raised.
+        error: exception of the import.
         command: module of the command that was started, for example ``sensing.live``.
 
     Returns:
-        The line, or ``None`` where the cause is something else (an error of our own, a library that no extra brings).
+        The line, or ``None`` where the cause is another one (a fault of this project, or a library that no extra
+        contains).
     """
     if isinstance(error, RuntimeError) and NO_CACHE in str(error):
         return (
@@ -121,10 +122,10 @@ def explain(error: BaseException, command: str) -> str | None:
 
 
 def prepare_command() -> None:
-    """Make a command that was started with ``python -m`` end with one line where a library is missing.
+    """Install an exception hook: a command started with ``python -m`` ends with one line where a library is missing.
 
-    So it does where compiled code can be kept nowhere, and where Ctrl-C comes while its libraries are loaded, before it
-    can handle that itself. Its linear algebra gets one thread (:mod:`cad.threads`).
+    The hook also covers the case that compiled code can be stored nowhere, and a Ctrl-C while libraries are loaded,
+    which the command itself cannot handle yet. Linear algebra is limited to one thread (:mod:`cad.threads`).
     """
     command = started_module(sys.orig_argv)
     if not extra_of_command(command):
@@ -135,7 +136,7 @@ def prepare_command() -> None:
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if isinstance(error, KeyboardInterrupt):
             LOG.error(f"{command}: interrupted")
-            raise SystemExit(130)  # what a hook raises decides on the exit status
+            raise SystemExit(130)  # the exit status is that of the exception raised in the hook
         line = explain(error, command)
         if line is None:
             before(kind, error, trace)
@@ -147,19 +148,19 @@ def prepare_command() -> None:
 
 
 def started_module(argv: Sequence[str]) -> str:
-    """The module of ``python [options] -m MODULE ...``; empty where Python was started otherwise."""
+    """Module of ``python [options] -m MODULE ...``; empty where Python was started otherwise."""
     words = iter(argv[1:])
     for word in words:
         if word == "-m":
             return next(words, "")
         if word in ("-c", "-") or not word.startswith("-"):
             return ""
-        if word in ("-W", "-X"):  # the options of Python that take a word of their own
+        if word in ("-W", "-X"):  # options of Python that take an argument
             next(words, "")
     return ""
 
 
 def _importers(error: BaseException) -> list[str]:
-    """Modules through which the import went, the last first."""
+    """Modules that were being imported when the error occurred, innermost first."""
     frames = [frame for frame, _ in walk_tb(error.__traceback__)]
     return [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]

@@ -1,8 +1,8 @@
-"""Screws, nuts and what else is bought, as the parts ask for them (standard library only).
+"""Records of screw joints and of the lines of the bill of materials (standard library only).
 
-A made part returns its own lines: which screws go through it, where they stand, what they clamp, what holds them. The
-lengths are not written here: :mod:`fab.bom` measures grip and engagement on the meshes and chooses from the standard's
-lengths. Millimetres, endcap frame.
+A part's module returns the joints of that part: the screws that pass it, their axes, what they clamp and what holds
+them. Screw lengths are not stored here: :mod:`fab.bom` measures grip and engagement on the meshes and selects from the
+standard's lengths. Millimetres, endcap frame.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ class ScrewJoint:
 
     Attributes:
         name: stable name, for example ``base_to_interface``.
-        owner: part whose line of the bill this is.
+        owner: part under which the bill of materials lists the screws.
         thread: row of ``bought.csv``, for example ``screw_m3``.
-        standard: what to ask for in the shop.
-        step: when it is used, in words.
-        places: (x, y) of the axes.
+        standard: designation under which a shop sells the screw.
+        step: stage of the work in which the screws are used, in words.
+        places: (x, y) of the axes, mm.
         up: whether the screw points to +z.
         seat: part on which the head bears.
-        through: parts that the shank passes, the seat's included.
+        through: parts that the shank passes, including the seat.
         anchor: part that holds the thread or the nut.
-        holder: a nut captured in the anchor, the anchor's own plastic, a nut under the anchor, or an insert.
-        washers: under the head, and as many under a loose nut.
-        beyond: parts that lie beyond the anchor when it is in use, and that no tip may reach.
+        holder: a nut captured in the anchor, the anchor's own plastic, a nut under the anchor, or
+            an insert.
+        washers: number of washers under the head; the same number lies under a loose nut.
+        beyond: parts that lie beyond the anchor in use, which no screw tip may reach.
     """
 
     name: str
@@ -53,16 +54,16 @@ class BomLine:
     """One line of the bill of materials.
 
     Attributes:
-        item: what to buy or make.
-        quantity: how many, or how much.
+        item: thing to buy or make.
+        quantity: number or amount, in ``unit``.
         unit: ``pc``, ``g`` or ``set``.
-        owner: part or step that asks for it.
-        use: what it is for.
-        price_usd: of what one endcap and its mold take of it; ``None`` where we do not know.
+        owner: part or step that needs it.
+        use: its purpose.
+        price_usd: price of the amount that one endcap and its mold use; ``None`` where it is unknown.
         provenance: letter of docs/provenance.md.
-        order_as: what to type into a shop's search field: standard or part number, pack.
+        order_as: text for a shop's search field: standard or part number, pack.
         kind: ``made``, ``part``, ``silicone``, ``consumable`` or ``tool``.
-        pack_usd: of what is ordered for it: a whole bag, spool or batch; ``None`` where that is ``price_usd``.
+        pack_usd: price of the ordered amount, a whole bag, spool or batch; ``None`` where it equals ``price_usd``.
     """
 
     item: str
@@ -78,5 +79,5 @@ class BomLine:
 
     @property
     def paid_usd(self) -> float | None:
-        """What is paid for the line; ``None`` where we do not know."""
+        """Price of the ordered amount; ``None`` where it is unknown."""
         return self.price_usd if self.pack_usd is None else self.pack_usd

@@ -1,7 +1,7 @@
-"""The hanger: plate on the collar that holds TPU interface and core concentric, by the interface's own ten screws.
+"""The hanger: a plate on the collar that holds TPU interface and core concentric with the interface's ten screws.
 
-It stays on top while the silicone is poured dome-down: its holes over the flange's notches are vents, and show by a
-ring of ten wet wells that the mold is full. Millimetres, endcap frame, casting position.
+It is on top while the silicone is poured dome-down. Its holes over the flange's notches are vents; silicone in the ten
+wells round them shows that the mold is full. Millimetres, endcap frame, casting position.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from cad.part import Part
 from cad.solids import cut_holes, drill, fused, one_solid
 
 SCREW_HOLE_RADIUS_MM = 1.7  # S: M3 clearance, as in the base
-VENT_RADIUS_MM = 1.75
-WELL_RADIUS_MM = 3.5
-WELL_DEPTH_MM = 4.0
+VENT_RADIUS_MM = 1.75  # of the holes over the flange's notches
+WELL_RADIUS_MM = 3.5  # of a vent's wider mouth
+WELL_DEPTH_MM = 4.0  # of that mouth, from the hanger's outside
 CAP_SCREW = "ISO 4762 cap screw, steel"
-COLOR = (0.55, 0.75, 0.45)
+COLOR = (0.55, 0.75, 0.45)  # RGB, 0..1
 
 
 def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
-    """Screws through the hanger: ten into the interface's nuts, six into the collar, eight into the core."""
+    """Screw joints of the hanger: ten screws into the interface's nuts, six into the collar, eight into the core."""
     params = layout.params
     circle = tuple(rotated((params.screw_circle_radius_mm, 0), a) for a in params.screw_azimuths_deg)
     collar = {

@@ -1,12 +1,13 @@
-"""What the numbers in a file depend on: design, dot pattern, camera, silicone and mesh, in one definition.
+"""Identity of the endcap to which a file belongs: design, dot pattern, camera, silicone and mesh.
 
     here = identity(EndcapParams(130, 8), silicone="Smooth-Sil 950")
     record["identity"] = here.record()                                    # into a manifest, weights, a reference
     require_same(path, "weights", recorded(record.get("identity"), design), here, "train on data of this endcap")
 
-Exports, data sets, weights, cameras, references, configurations and recordings carry such a record. Whoever opens one
-compares it with the endcap at hand, and refuses it by the name of what differs. A record without an aspect was written
-before that aspect was recorded: it stands for the released one, whose values are frozen below. Standard library only.
+Exports, data sets, weights, cameras, references, configurations and recordings contain such a record. A program that
+opens one compares it with the endcap in use and refuses it with a message that names the difference. A record without
+an aspect was written before that aspect was recorded: the aspect then has the released values, which are frozen below.
+Standard library only.
 """
 
 from __future__ import annotations
@@ -25,13 +26,18 @@ from cad.lens import camera_module
 from cad.materials import silicone as silicone_named
 from cad.params import EndcapParams
 
-WORDS = {"dots": "dot pattern", "camera": "camera", "silicone": "silicone", "mesh": "mesh"}  # aspect -> in a message
+WORDS = {
+    "dots": "dot pattern",
+    "camera": "camera",
+    "silicone": "silicone",
+    "mesh": "mesh",
+}  # aspect -> in messages
 MUST_AGREE = ("dots", "camera", "silicone")  # between a model, its data and an endcap; a finer mesh may test a coarser
-RELEASED = "released"
-DIGITS = 9  # decimals of a number that count: files are compared between machines
+RELEASED = "released"  # label of an aspect with the released values
+DIGITS = 9  # decimals that are compared, because files move between machines
 Values = Mapping[str, Any]
 
-# Frozen: what a file means that was written before its aspects were recorded. Never follows a change of the code.
+# Aspects of files that were written before aspects were recorded. Frozen: they never follow a change of the code.
 RELEASED_CAMERA: Values = {
     "focal_per_row": 0.514583333,
     "k": [-0.033, -0.007, 0.0, 0.0],
@@ -39,17 +45,17 @@ RELEASED_CAMERA: Values = {
     "pupil_height_mm": 17.0,
 }
 RELEASED_SILICONE: Values = {"name": "Smooth-Sil 950", "c10_mpa": 0.34, "poisson": 0.49}
-RELEASED_RINGS, RELEASED_STEP_DEG = (1, 6, 10, 12, 16, 18, 20, 20, 18, 16, 12, 10, 6, 1), 180.0 / 13
-RELEASED_DOT_MM, RELEASED_DENT_MM = 2.0, 0.6
-RELEASED_PUPIL_MM = 17.0
+RELEASED_RINGS, RELEASED_STEP_DEG = (1, 6, 10, 12, 16, 18, 20, 20, 18, 16, 12, 10, 6, 1), 180.0 / 13  # all rings
+RELEASED_DOT_MM, RELEASED_DENT_MM = 2.0, 0.6  # radius of a dot, depth of its dent
+RELEASED_PUPIL_MM = 17.0  # height of the entrance pupil above the mating plane
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a result depends on.
+    """Identity of the endcap on which a result depends.
 
     Attributes:
-        design: the two numbers.
+        design: parameters of the endcap.
         aspects: name (:data:`WORDS`) -> its values as plain JSON; None where the result does not depend on it.
     """
 
@@ -57,11 +63,11 @@ class Identity:
     aspects: Mapping[str, Values | None]
 
     def record(self) -> dict[str, Any]:
-        """As plain JSON, for a file."""
+        """The identity as plain JSON, for a file."""
         return {"design": self.design.record, **self.aspects, "digest": self.digest}
 
     def without(self, *aspects: str) -> Identity:
-        """The identity of a result that does not depend on some aspects."""
+        """Identity of a result that does not depend on the named aspects."""
         return Identity(self.design, {k: None if k in aspects else v for k, v in self.aspects.items()})
 
     @property
@@ -72,15 +78,15 @@ class Identity:
 
 
 def identity(params: EndcapParams, silicone: str | None = None, mesh: Sequence[int] | None = None) -> Identity:
-    """The identity of an endcap as this toolkit makes it now.
+    """Identity of an endcap as the present code makes it.
 
     Args:
-        params: the two numbers.
+        params: parameters of the endcap.
         silicone: row of cad/materials.csv; None where the result does not depend on it (a picture at rest).
         mesh: counts of the simulator's mesh (core, rings, layers); None where nothing was simulated.
 
     Raises:
-        ParameterError: unknown silicone.
+        ParameterError: the silicone is unknown.
     """
     module = camera_module()
     camera = {
@@ -102,7 +108,7 @@ def identity(params: EndcapParams, silicone: str | None = None, mesh: Sequence[i
 
 
 def released(params: EndcapParams) -> Identity:
-    """The identity that a file has which says nothing of it: released pattern, camera and silicone, any mesh."""
+    """Identity of a file without a record: released pattern, camera and silicone, any mesh."""
     return Identity(
         params,
         {"dots": _released_dots(params), "camera": RELEASED_CAMERA, "silicone": RELEASED_SILICONE, "mesh": None},
@@ -110,14 +116,14 @@ def released(params: EndcapParams) -> Identity:
 
 
 def recorded(record: Any, design: EndcapParams) -> Identity:
-    """What :meth:`Identity.record` wrote.
+    """Read the record of an identity (:meth:`Identity.record`).
 
     Args:
-        record: plain JSON; None in a file of before.
-        design: what such a file says of its two numbers.
+        record: plain JSON; None in a file that was written before identities were recorded.
+        design: design that such a file states elsewhere.
 
     Raises:
-        ValueError: it cannot be read, or its digest is not that of its values.
+        ValueError: the record cannot be read, or its digest does not match its values.
     """
     if record is None:
         return released(design)
@@ -138,11 +144,14 @@ def recorded(record: Any, design: EndcapParams) -> Identity:
 
 
 def differing(found: Identity, wanted: Identity, aspects: Iterable[str] = tuple(WORDS)) -> list[str]:
-    """Aspects, "design" included, in which two identities differ; those that do not matter to one of them are equal.
+    """Names of the aspects, "design" included, in which two identities differ.
+
+    An aspect on which one of the two does not depend counts as equal.
 
     Args:
-        found, wanted: the two.
-        aspects: those that are compared, besides the design.
+        found: one identity.
+        wanted: the other one.
+        aspects: aspects that are compared in addition to the design.
     """
     other = ["design"] if found.design.digest != wanted.design.digest else []
     for name in aspects:
@@ -160,26 +169,28 @@ def require_same(
     fix: str,
     aspects: Iterable[str] = tuple(WORDS),
 ) -> None:
-    """Refuse a file that was made for another endcap, by the name of what differs.
+    """Refuse a file that was made for another endcap; the message names the first difference.
 
     Args:
-        path: the file. what: it holds, for the message ("weights").
-        found: its identity. wanted: that of the endcap at hand; None for either compares nothing.
-        fix: what to do instead.
-        aspects: those that are compared, besides the design.
+        path: the file.
+        what: content of the file, for the message, for example ``weights``.
+        found: identity of the file; None: nothing is compared.
+        wanted: identity of the endcap in use; None: nothing is compared.
+        fix: remedy, for the message.
+        aspects: aspects that are compared in addition to the design.
 
     Raises:
-        FileError: they differ.
+        FileError: the identities differ.
     """
     other = [] if found is None or wanted is None else differing(found, wanted, aspects)
     if found is not None and wanted is not None and other:
-        said = f"{name_of(found, other[0])}, this endcap has {name_of(wanted, other[0])}"
-        values = _said_differences(found, wanted, other[0])
-        raise FileError(f"{path}: {what} for {said}{f' ({values})' if values else ''}: {fix}")
+        difference = f"{name_of(found, other[0])}, this endcap has {name_of(wanted, other[0])}"
+        values = _difference_text(found, wanted, other[0])
+        raise FileError(f"{path}: {what} for {difference}{f' ({values})' if values else ''}: {fix}")
 
 
 def label_of(found: Identity, aspect: str) -> str:
-    """An aspect as a word that a configuration can hold: ``released``, eight digits of its digest, or the silicone."""
+    """An aspect as a word for configurations: ``released``, eight digits of its digest, or the silicone's name."""
     values = found.aspects.get(aspect) or {}
     if aspect == "silicone":
         return str(values.get("name"))
@@ -195,7 +206,7 @@ def name_of(found: Identity, aspect: str) -> str:
     return f"the {label} {WORDS[aspect]}" if label == RELEASED else f"the {WORDS[aspect]} {label}"
 
 
-def _said_differences(found: Identity, wanted: Identity, aspect: str) -> str:
+def _difference_text(found: Identity, wanted: Identity, aspect: str) -> str:
     if aspect == "design":
         return ""
     there, here = found.aspects[aspect] or {}, wanted.aspects[aspect] or {}
@@ -205,7 +216,13 @@ def _said_differences(found: Identity, wanted: Identity, aspect: str) -> str:
 
 
 def _dots(angles: Sequence[tuple[int, float, float]], radius_mm: float, dent_mm: float) -> Values:
-    """Pattern of dots (ring, polar_deg, azimuth_deg): a digest of where they lie, and what a reader can compare."""
+    """Values of a dot pattern: a digest of the angles, and counts and sizes that a reader can compare.
+
+    Args:
+        angles: (ring, polar_deg, azimuth_deg) of each dot.
+        radius_mm: radius of a dot, mm.
+        dent_mm: depth of its dent, mm.
+    """
     rings = [
         sum(1 for ring, _, _ in angles if ring == k) for k in range(max((r for r, _, _ in angles), default=-1) + 1)
     ]
@@ -219,7 +236,7 @@ def _dots(angles: Sequence[tuple[int, float, float]], radius_mm: float, dent_mm:
 
 
 def _released_dots(params: EndcapParams) -> Values:
-    """The released pattern of a design, by a formula that no change of :mod:`cad.dots` reaches."""
+    """Values of the released dot pattern at a design, by a formula that is independent of :mod:`cad.dots`."""
     height = RELEASED_PUPIL_MM - params.centre_height_mm
     rim_deg = math.degrees(math.acos(max(-1.0, min(1.0, height / params.inner_radius_mm))))
     last = math.floor((rim_deg - math.degrees(math.asin(RELEASED_DOT_MM / params.inner_radius_mm))) / RELEASED_STEP_DEG)

@@ -1,13 +1,13 @@
-"""The TPU interface: a flange with ten captured nuts, and the envelope of the gyroid zone that locks into the silicone.
+"""The TPU interface: a flange with ten captured nuts, and the envelope of the gyroid zone in which the silicone locks.
 
 Endcap frame (:mod:`cad.params`), millimetres. The flange lies on the mating plane, z 0..flange_thickness; screws come
 from below and pull the nuts down onto the floor of their pockets. The nuts slide in radially from the bore. The gyroid
-itself is a mesh (:mod:`fab.meshing.gyroid`): as a B-rep it would have a hundred thousand faces.
+itself is a mesh (:mod:`fab.meshing.gyroid`); as a B-rep it would have a hundred thousand faces.
 
-Printed as it stands, mating plane down, without support: a pocket's roof is a 5.65 mm bridge. It is cast dome down, so
-air and overflow leave through the vents at the flange's outer edge.
+The interface is printed with the mating plane down, without support: a pocket's roof is a 5.65 mm bridge. The endcap is
+cast dome-down, so that air and overflow leave through the vents at the flange's outer edge.
 
-Sources: nut and screw from bought.csv; everything marked E is our estimate.
+Sources: nut and screw are from bought.csv; values marked E are our estimate.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from cad.part import Part
 if TYPE_CHECKING:
     from build123d import Solid
 
-COLLAR_CLEARANCE_MM = 0.2  # E: flange to the mold's collar, along the sphere's radius
-POCKET_WIDTH_MM = 5.65  # E: 5.5 nut, slides in by hand and turns by less than 2 degrees
-POCKET_HEIGHT_MM = 2.0  # E: 1.8 nut and one 0.2 mm layer of sag of the roof
-POCKET_FLOOR_MM = 2.2  # E: TPU that a nut would have to pull through
+COLLAR_CLEARANCE_MM = 0.2  # E: between flange and the mold's collar, along the sphere's radius
+POCKET_WIDTH_MM = 5.65  # E: the 5.5 mm nut slides in by hand and turns by less than 2 degrees
+POCKET_HEIGHT_MM = 2.0  # E: the 1.8 mm nut, and 0.2 mm (one layer) for the sag of the roof
+POCKET_FLOOR_MM = 2.2  # E: TPU under the nut, which carries the screw's force
 POCKET_END_GAP_MM = 0.1  # E: behind the seated nut
 RIB_HEIGHT_MM = 0.4  # E: step at the mouth; leaves 1.6 mm for the 1.8 mm nut, which snaps past 0.2 mm of TPU
 NUT_PLAY_MM = 0.15  # E: between the seated nut and the rib; a 3 mm screw in a 3.4 mm hole finds the thread
 SCREW_HOLE_TOP_MM = 5.35  # E: leaves a roof of 0.65 mm, so that no silicone comes down the thread
-VENT_DIAMETER_MM = 3.0  # E: 35,000 cP silicone overflows through it under its own weight within the pot life
+VENT_DIAMETER_MM = 3.0  # E: within its pot life, 35,000 cP silicone overflows through it under gravity
 BORE_MARGIN_MM = 0.5  # E: where a thick wall reaches inside the bore, the gyroid still stands on the flange
 SEAM_AZIMUTH_DEG = 9.0  # keeps the seam of the surfaces of revolution away from pockets and vents
-COLOR = (0.90, 0.55, 0.10)
+COLOR = (0.90, 0.55, 0.10)  # RGB, 0..1
 
 
 def vent_azimuths_deg() -> tuple[float, ...]:
@@ -43,19 +43,19 @@ def vent_azimuths_deg() -> tuple[float, ...]:
 
 
 def zone_radii_mm(params: EndcapParams) -> tuple[float, float]:
-    """Inner and outer sphere of the gyroid zone: the silicone's two surfaces, less the skin."""
+    """Radii of the inner and outer sphere of the gyroid zone, mm: the silicone's two surfaces less the skin."""
     return params.inner_radius_mm + params.skin_mm, params.outer_radius_mm - params.skin_mm
 
 
 def zone_clip_radius_mm(params: EndcapParams) -> float:
-    """Cylinder outside which the zone lies; 0 where the inner sphere alone keeps it on the flange."""
+    """Radius of the cylinder outside which the zone lies, mm; 0 where the inner sphere alone keeps it on the flange."""
     inner, _ = zone_radii_mm(params)
     limit = params.bore_radius_mm + BORE_MARGIN_MM
     return limit if _sphere_section(params, inner, params.flange_thickness_mm) < limit else 0.0
 
 
 def vent_reach_mm(params: EndcapParams, height_mm: float) -> float:
-    """Cylindrical radius at which the notches of the vents begin, at a height near the flange's top.
+    """Cylindrical radius at which the notches of the vents begin, at a height near the flange's top, mm.
 
     A notch's axis is the chord of the flange's outer surface between bottom and top; it leans by the chord's slope.
     """
@@ -64,9 +64,9 @@ def vent_reach_mm(params: EndcapParams, height_mm: float) -> float:
 
 
 def edge_room_mm3(params: EndcapParams) -> float:
-    """Room between flange and collar: their clearance, and the notches of the vents as half a cylinder each.
+    """Volume between flange and collar, mm3: their clearance, and the notches of the vents as half a cylinder each.
 
-    The sphere bulges beyond the notches' axes: up to a twentieth of the room is left out.
+    The sphere bulges beyond the notches' axes, so that the result is too small by up to a twentieth.
     """
     outer, top = params.outer_radius_mm, params.flange_thickness_mm
     low, high = (z - params.centre_height_mm for z in (0.0, top))
@@ -76,22 +76,26 @@ def edge_room_mm3(params: EndcapParams) -> float:
 
 
 def zone_volume_mm3(params: EndcapParams) -> float:
-    """Volume of the gyroid zone in closed form: pi times the integral of outer^2 - max(inner, clip)^2 over height."""
+    """Volume of the gyroid zone, mm3: pi times the integral of outer^2 - max(inner, clip)^2 over height z.
+
+    ``outer`` and ``inner`` are the cylindrical radii of the zone's spheres at z, ``clip`` is
+    :func:`zone_clip_radius_mm`; the integral is evaluated in closed form.
+    """
     inner, outer = zone_radii_mm(params)
     low, high = (z - params.centre_height_mm for z in (params.flange_thickness_mm, params.interlock_top_mm))
     volume = _slab_mm3(outer, low, high) - _slab_mm3(inner, low, high)
     clip = zone_clip_radius_mm(params)
     if clip:
-        end = min(high, -math.sqrt(inner**2 - clip**2))  # the inner sphere passes the cylinder below the equator
+        end = min(high, -math.sqrt(inner**2 - clip**2))  # where the inner sphere crosses the cylinder below the equator
         volume -= math.pi * clip**2 * (end - low) - _slab_mm3(inner, low, end)
     return volume
 
 
 def build_flange(params: EndcapParams) -> Solid:
-    """The flange: ring, ten nut pockets, ten blind screw holes, ten vents.
+    """Build the flange: ring, ten nut pockets, ten blind screw holes, ten vents.
 
     Raises:
-        GeometryError: the kernel returned more or less than one valid solid.
+        GeometryError: the kernel did not return exactly one valid solid.
     """
     from build123d import Pos, Rot
 
@@ -108,19 +112,19 @@ def build_flange(params: EndcapParams) -> Solid:
 
 
 def build_zone(params: EndcapParams) -> Solid:
-    """Envelope of the gyroid: between the zone's spheres, outside its clip, from the flange to the interlock's top."""
+    """Build the gyroid's envelope: between the zone's spheres, outside its clip, from flange to the interlock's top."""
     inner, outer = zone_radii_mm(params)
     low, high = params.flange_thickness_mm, params.interlock_top_mm
     return _single(_revolved(params, zone_clip_radius_mm(params), inner, outer, low, high), "gyroid zone")
 
 
 def build_interface(params: EndcapParams) -> Part:
-    """The printed part; its solid is the flange, its mesh (with the gyroid) comes from :mod:`fab.meshing.gyroid`."""
+    """Build the printed part: its solid is the flange; :mod:`fab.meshing.gyroid` makes its mesh, with the gyroid."""
     return Part("interface", "printed", "TPU 95A", build_flange(params), COLOR)
 
 
 def _edge(params: EndcapParams) -> tuple[float, float]:
-    """Radius of the flange's edge at the mating plane, and how much it grows for each mm of height up to the top."""
+    """Radius of the flange's edge at the mating plane, mm, and its mean slope up to the flange's top, mm per mm."""
     sphere, top = params.outer_radius_mm - COLLAR_CLEARANCE_MM, params.flange_thickness_mm
     low, high = (_sphere_section(params, sphere, z) for z in (0.0, top))
     return low, (high - low) / top
@@ -131,7 +135,7 @@ def _sphere_section(params: EndcapParams, radius: float, height: float) -> float
 
 
 def _slab_mm3(radius: float, low: float, high: float) -> float:
-    """Volume of a sphere between two planes at ``low`` and ``high`` from its centre."""
+    """Volume of a sphere between two planes at distances ``low`` and ``high`` from its centre, mm3."""
     return math.pi * (radius**2 * (high - low) - (high**3 - low**3) / 3)
 
 
@@ -147,7 +151,7 @@ def _revolved(params: EndcapParams, cylinder: float, inner: float, outer: float,
 
     edges = [arc(outer, low, high)]
     foot = head = (cylinder, 0.0, low)
-    corner = low  # height at which the inner sphere takes over from the cylinder
+    corner = low  # height above which the inner sphere, not the cylinder, is the inner boundary
     if cylinder > at(inner, low)[0]:
         corner = high if cylinder >= inner else min(high, params.centre_height_mm - math.sqrt(inner**2 - cylinder**2))
         head = (cylinder, 0.0, corner)
@@ -163,7 +167,7 @@ def _revolved(params: EndcapParams, cylinder: float, inner: float, outer: float,
 
 
 def _pocket(params: EndcapParams) -> tuple[Solid, Solid]:
-    """A nut's seat at azimuth 0, and the mouth over the retaining rib, that reaches into the bore."""
+    """Tools at azimuth 0 for a nut's seat, and for the mouth over the retaining rib, which reaches into the bore."""
     half = bought_mm("nut_m3", "across_flats") / 2
     rib = params.screw_circle_radius_mm - half - NUT_PLAY_MM
     end = params.screw_circle_radius_mm + half + POCKET_END_GAP_MM
@@ -173,7 +177,7 @@ def _pocket(params: EndcapParams) -> tuple[Solid, Solid]:
 
 
 def _vent(params: EndcapParams, sphere: float) -> Solid:
-    """A cylinder at azimuth 0 along the flange's outer surface, whose axis lies on it at bottom and top."""
+    """Cylinder at azimuth 0 along the flange's outer surface, whose axis meets it at bottom and top."""
     from build123d import Location, Plane, Vector
 
     height = params.flange_thickness_mm
@@ -197,7 +201,7 @@ def _cylinder(radius: float, height: float) -> Solid:
 
 
 def _single(shape: object, name: str) -> Solid:
-    """The one valid solid of a boolean's result."""
+    """The only solid of a boolean's result; raises GeometryError unless it is one valid solid."""
     solids = shape.solids()  # type: ignore[attr-defined]
     if len(solids) != 1 or not solids[0].is_valid:
         raise GeometryError(f"{name}: the kernel returned {len(solids)} solids or an invalid one instead of one solid")

@@ -1,8 +1,8 @@
-"""Jigsaw (puzzle) joints: plane outlines of pieces that interlock with round tabs, extruded along the mold's axis.
+"""Jigsaw joints: plane outlines of pieces that interlock with round tabs, extruded along the mold's axis.
 
-A tab is a disc whose centre lies beyond the seam, so that its chord on the seam is narrower than its diameter: the
-joint slides along the axis and in no other direction. The piece with the tab has the nominal outline; its neighbour
-is cut back by the joint clearance everywhere, so the gap is the same on seam and tab.
+A tab is a disc whose centre lies beyond the seam. Its chord on the seam is therefore narrower than its diameter, and
+the joint slides along the axis only. The piece with the tab has the nominal outline; its neighbour is cut back by the
+joint clearance everywhere, so that the gap is the same on seam and tab.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cad.mold_layout import NECK_FILLET_MM, MoldLayout, rotated
 from cad.outlines import disc, polygon
 from cad.solids import one_solid
 
-FAR_RATIO = 2.5  # outlines reach this many outer radii out: beyond every mold part
+FAR_RATIO = 2.5  # radius of the outlines over the outer radius: beyond every mold part
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Tab:
     """A round tab.
 
     Attributes:
-        along_mm: distance from the axis along the seam.
-        radius_mm: radius of the disc.
-        beyond_mm: distance of the disc's centre beyond the seam; less than the radius.
+        along_mm: distance from the axis along the seam, mm.
+        radius_mm: radius of the disc, mm.
+        beyond_mm: distance of the disc's centre beyond the seam, mm; less than the radius.
     """
 
     along_mm: float
@@ -35,15 +35,15 @@ class Tab:
 
 
 def sector_prisms(layout: MoldLayout, seams_deg: tuple[float, ...], tabs: tuple[Tab, ...]) -> list[Solid]:
-    """Cut the plane into sectors at seams with tabs, as tall prisms to intersect a body with.
+    """Prisms of the sectors between seams with tabs, with which a body is intersected.
 
     Args:
         layout: mold sizes (reach, clearance).
         seams_deg: azimuths of the seams, ascending, equally spaced.
-        tabs: tabs on every seam; the sector that ends at the seam carries them, the next one has the sockets.
+        tabs: tabs on every seam; the sector that ends at the seam has the tabs, the next one has the sockets.
 
     Returns:
-        One prism for each sector, in the order of the seams that open them.
+        One prism for each sector, in the order of the seams at which they begin.
     """
     gap = layout.joint_clearance_mm
     step = math.radians(360.0 / len(seams_deg))
@@ -67,11 +67,11 @@ def sector_prisms(layout: MoldLayout, seams_deg: tuple[float, ...], tabs: tuple[
 
 
 def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
-    """The seven prisms that cut the core: ``core_centre``, ``core_key_1..3``, ``core_wedge_1..3``.
+    """The seven prisms that divide the core: ``core_centre``, ``core_key_1..3``, ``core_wedge_1..3``.
 
     The centre is a hexagon with three long edges (toward the keys), a tab on each, and three short ones (toward the
-    wedges), drafted so that it lets go at once. A key is a strip of constant width; a wedge fills the sector between
-    two keys.
+    wedges). It is drafted, so that it separates from its neighbours at the start of its travel. A key is a strip of
+    constant width; a wedge fills the sector between two keys.
     """
     gap, inner, half = layout.joint_clearance_mm, layout.centre_inradius_mm, layout.key_half_width_mm
     far = FAR_RATIO * layout.params.outer_radius_mm
@@ -88,10 +88,10 @@ def core_prisms(layout: MoldLayout) -> dict[str, Solid]:
 
 
 def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
-    """Outline of the centre piece at the mating plane, grown all round by the joint clearance for its socket."""
+    """Outline of the centre piece at the mating plane, offset outward by ``grown_mm`` for its socket."""
     inner, half = layout.centre_inradius_mm, layout.key_half_width_mm
     tab, beyond = layout.core_tab_radius_mm, layout.core_tab_beyond_mm
-    wider = half + grown_mm * math.tan(math.radians(30.0))  # corners of 120 degrees: both edges move out by the growth
+    wider = half + grown_mm * math.tan(math.radians(30.0))  # corners of 120 degrees: both edges move outward
     faces = polygon([rotated((inner + grown_mm, y), a) for a in layout.key_azimuths_deg for y in (-wider, wider)])
     for azimuth in layout.key_azimuths_deg:
         faces = faces + disc(rotated((inner + beyond, 0.0), azimuth), tab + grown_mm)
@@ -101,7 +101,7 @@ def _centre_outline(layout: MoldLayout, grown_mm: float) -> Face:
 
 
 def _is_neck(layout: MoldLayout, x: float, y: float) -> bool:
-    """Whether an outline's corner is where a tab joins a long edge (the others lie at the hexagon's own corners)."""
+    """Whether a tab joins a long edge at a corner (x, y) of the outline; the other corners are the hexagon's own."""
     return math.hypot(x, y) < math.hypot(layout.centre_inradius_mm, 2 * layout.core_tab_radius_mm)
 
 

@@ -1,7 +1,7 @@
-"""The LED ring's electronic parts: one table, ``led_parts.csv``, one row a part (standard library only).
+"""Electronic parts of the LED ring: table ``led_parts.csv``, one row per part (standard library only).
 
-``value`` is in the SI unit of column ``unit``; length runs from lead to lead, so across a part with leads on two
-sides; the last column says where the numbers come from, with the letters of docs/provenance.md.
+``value`` is in the SI unit of column ``unit``; the length is measured from lead to lead, that is across a part with
+leads on two sides; the last column states the source of the numbers, with the letters of docs/provenance.md.
 """
 
 from __future__ import annotations
@@ -22,11 +22,16 @@ class LedPart:
 
     Attributes:
         part: name in this project, for example ``r_set``.
-        description, maker, part_number, package: what to order.
+        description: what the part is.
+        maker: its manufacturer.
+        part_number: the manufacturer's number, for the order.
+        package: name of its package.
         value: rating in ``unit`` (SI).
-        unit: of the value.
-        length_mm, width_mm, height_mm: envelope; length from lead to lead.
-        provenance: where the numbers come from.
+        unit: SI unit of the value.
+        length_mm: length of the envelope from lead to lead, mm.
+        width_mm: width of the envelope, mm.
+        height_mm: height of the envelope, mm.
+        provenance: source of the numbers.
     """
 
     part: str
@@ -44,10 +49,10 @@ class LedPart:
 
 @cache
 def led_parts() -> dict[str, LedPart]:
-    """All rows by name.
+    """All rows: name -> part.
 
     Raises:
-        FileError: a missing or unreadable table, naming the line.
+        FileError: the table is missing or unreadable; the message names the line.
     """
     return read_table(TABLE, _part, "part")
 
@@ -70,10 +75,10 @@ def _part(row: dict[str, str]) -> LedPart:
 
 
 def led_part(name: str) -> LedPart:
-    """One part of the table.
+    """The part of the table with a name.
 
     Raises:
-        ParameterError: no such part.
+        ParameterError: there is no such part.
     """
     if name not in led_parts():
         raise ParameterError(

@@ -1,8 +1,8 @@
-"""The LED ring board as a bought body: annular circuit board, every part's envelope on it, plug underneath.
+"""Envelope of the bought LED ring: an annular circuit board with the envelopes of its parts, the plug on the bottom.
 
-Endcap frame, millimetres; keeps its size at every diameter. The paper gives the parts (boost driver, JB3030AWT LEDs
-of about 2.8 V in one string at a nominal 25 V, hence nine of them; P, LED05, LED06), not the outline: the outline is
-sized to fit spacer and bore (E). Everything lies below the camera's 180 degree plane. Places come from
+Endcap frame, millimetres; its size is the same at every diameter. The paper gives the parts (boost driver, JB3030AWT
+LEDs of about 2.8 V in one string at a nominal 25 V, hence nine of them; P, LED05, LED06), but not the outline, which we
+sized to fit spacer and bore (E). The whole ring lies below the camera's 180 degree plane. Placements come from
 :mod:`cad.led_placement`, sizes from led_parts.csv; ``python -m fab.led_ring`` makes copper and drill files.
 """
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cad.params import EndcapParams
 
 BOARD_OUTER_RADIUS_MM = 38.6  # E: inside the spacer's edge
-BOARD_INNER_RADIUS_MM = ring_spacer.LIP_RADIUS_MM + 0.15  # E
+BOARD_INNER_RADIUS_MM = ring_spacer.LIP_RADIUS_MM + 0.15  # E: play round the spacer's lip
 BOARD_THICKNESS_MM = 1.6  # S: usual circuit board
 
 
@@ -39,7 +39,7 @@ def led_ring_part(params: EndcapParams) -> Part:
 
 
 def _body(place: Placement) -> Solid:
-    """Envelope of one part, standing on its side of the board."""
+    """Envelope of one part on its side of the board."""
     from build123d import Pos, Rot, Solid
 
     part, (x, y) = place.part, place.centre_mm

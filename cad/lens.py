@@ -1,10 +1,10 @@
-"""The camera module at hand, a row of ``cameras.csv`` (standard library only: the lens and D, T decide on a picture).
+"""The camera module in use, a row of ``cameras.csv`` (standard library only, because ``sensing`` uses it, too).
 
-    export ENDCAP_CAMERA=ELP-USBFHD01M-L170       # for every command of this shell; without it the released module
+    export ENDCAP_CAMERA=ELP-USBFHD01M-L170       # for all commands of this shell; without it the released module
 
-A row is a board with its lens, as it is bought. What it decides, base, dots, renderer, calibration, weights and the
-identity of files, asks :func:`camera_module`; a process knows one module. The numbers of the released row were fitted
-to four photos; :mod:`sensing.camera.nominal` says how and makes a camera of them.
+A row is a board with its lens, as it is sold. Base, dots, renderer, calibration, weights and the identity of files all
+depend on it and call :func:`camera_module`; a process uses one module only. The numbers of the released row were fitted
+to four photos; :mod:`sensing.camera.nominal` describes how and makes a camera from them.
 """
 
 from __future__ import annotations
@@ -20,27 +20,30 @@ from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("cameras.csv")
-VARIABLE = "ENDCAP_CAMERA"
+VARIABLE = "ENDCAP_CAMERA"  # environment variable with the module's name
 RELEASED_MODULE = "ELP-USBFHD01M-L180"
-SEAT_BOARD_MM, SEAT_PITCH_MM = 32.0, 28.0  # M, GEO15 and GEO16: what the base's corner posts and screw holes take
-STACK_RANGE_MM = (14.0, 22.0)  # E: how far from the released 18 ring, bore and view have been looked at
-HALF_ANGLE_RANGE_DEG = (60.0, 110.0)
-STEPS_PER_DEG = 10  # at which a lens is checked: the radius of its picture grows up to the end of its model
+SEAT_BOARD_MM, SEAT_PITCH_MM = 32.0, 28.0  # M, GEO15 and GEO16: board and hole pitch that the base fits
+STACK_RANGE_MM = (14.0, 22.0)  # E: range about the released 18 in which ring, bore and view were checked
+HALF_ANGLE_RANGE_DEG = (60.0, 110.0)  # accepted for both angles of a row
+STEPS_PER_DEG = 10  # at which the image radius is checked to grow with the angle
 
 
 @dataclass(frozen=True)
 class CameraModule:
-    """One row.
+    """One row of the table.
 
     Attributes:
-        name: of the module, lens included.
-        board_mm, hole_pitch_mm: side of its square board, pitch of its four holes.
-        stack_mm: from the board's back to the entrance pupil.
-        focal_per_row: px per radian and image row, 4:3 frame of the sensor's full height.
-        k: radial terms of the fisheye model.
-        circle_deg: off the axis, where the picture of the lens ends.
-        max_half_angle_deg: off the axis, up to which the lens model holds.
-        price_usd, order_as: what it costs, and what to ask for. provenance: letters of docs/provenance.md, and why.
+        name: name of the module with its lens.
+        board_mm: side of its square board, mm.
+        hole_pitch_mm: pitch of its four holes, mm.
+        stack_mm: height of the entrance pupil over the board's back, mm.
+        focal_per_row: focal length, px per radian and image row, for a 4:3 frame of the image sensor's full height.
+        k: radial coefficients k1..k4 of the fisheye model.
+        circle_deg: angle off the axis at which the lens's image circle ends, degrees.
+        max_half_angle_deg: largest angle off the axis at which the lens model is valid, degrees.
+        price_usd: its price.
+        order_as: text for the order.
+        provenance: letters of docs/provenance.md, with reasons.
     """
 
     name: str
@@ -58,19 +61,20 @@ class CameraModule:
 
 @cache
 def camera_modules() -> dict[str, CameraModule]:
-    """The table, name -> row.
+    """All rows: name -> module.
 
     Raises:
-        FileError: a missing or unreadable table, a missing column or a bad row, named by its line.
+        FileError: the table is missing or unreadable, lacks a column, or has a bad row; the message names its line.
     """
     return read_table(TABLE, _module)
 
 
 def camera_module() -> CameraModule:
-    """The module that :data:`VARIABLE` names, else the released one.
+    """The module whose name is in :data:`VARIABLE`; without it, the released one.
 
     Raises:
-        ParameterError: no such row. FileError: see :func:`camera_modules`.
+        ParameterError: there is no such row.
+        FileError: the table cannot be read (:func:`camera_modules`).
     """
     name, known = os.environ.get(VARIABLE) or RELEASED_MODULE, camera_modules()
     if name not in known:
@@ -84,10 +88,11 @@ def camera_module() -> CameraModule:
 
 
 def camera_setting() -> str:
-    """The setting of another module than the released one, as it is typed before a command; else empty.
+    """Environment setting of a module other than the released one, as it is typed before a command; else empty.
 
     Raises:
-        ParameterError, FileError: see :func:`camera_module`.
+        ParameterError: there is no such row.
+        FileError: the table cannot be read (:func:`camera_modules`).
     """
     name = camera_module().name
     return "" if name == RELEASED_MODULE else f"{VARIABLE}={shlex.quote(name)} "
@@ -119,7 +124,7 @@ def _module(row: dict[str, str]) -> CameraModule:
 
 
 def _require_growing(module: CameraModule) -> None:
-    """Refuse a lens whose picture folds back: r(theta) = theta + k1 theta^3 + ... must rise up to the model's end."""
+    """Refuse a lens model that is not monotonic: r(theta) = theta + k1 theta^3 + ... must grow up to its last angle."""
     for step in range(math.floor(module.max_half_angle_deg * STEPS_PER_DEG) + 1):
         theta = math.radians(step / STEPS_PER_DEG)
         slope = 1.0 + sum((2 * n + 1) * k * theta ** (2 * n) for n, k in enumerate(module.k, start=1))

@@ -1,8 +1,8 @@
-"""The silicones: mixing, density and hyperelastic constants (standard library only: the bottom layer).
+"""Silicones: mixing, density and hyperelastic constants (standard library only: the bottom layer).
 
-The table is ``materials.csv`` beside this file; its last column says where each number comes from, with letters and
-ids of docs/provenance.md (P paper, M measured, S data sheet, E estimate). Stresses in MPa = N/mm2, densities in g/cm3,
-times as named.
+The table is ``materials.csv`` in this folder; its last column states the source of each number, with letters and ids of
+docs/provenance.md (P paper, M measured, S data sheet, E estimate). Stresses are in MPa = N/mm2, densities in g/cm3,
+times in the unit of their names.
 
 Energy per reference volume, with I1b the first invariant of the isochoric right Cauchy-Green tensor:
 
@@ -26,10 +26,10 @@ from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("materials.csv")
 DEFAULT_SILICONE = "Smooth-Sil 950"
-YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")
+YEOH_COLUMNS = ("yeoh_c10_mpa", "yeoh_c20_mpa", "yeoh_c30_mpa")  # filled together or not at all
 MIX_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)A:([0-9]+(?:\.[0-9]+)?)B by (?:weight|volume or weight)")
-MAX_POISSON = 0.49999  # above it the bulk modulus is 5e4 mu and double precision eats the shear
-LEAST_POISSON = 0.48  # M: of a row. Weights and study of any size are made with 0.49; a press is 1.1 % deeper at 0.48
+MAX_POISSON = 0.49999  # above it K > 5e4 mu, and rounding hides the shear terms in double precision
+LEAST_POISSON = 0.48  # M: for rows. Weights and study of any size use 0.49; a press is 1.1 % deeper at 0.48
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,13 @@ class HyperelasticLaw:
     """Constants of the isochoric energy and the bulk modulus (MPa).
 
     Attributes:
-        c10_mpa, c20_mpa, c30_mpa: energy coefficients; C20 = C30 = 0 is neo-Hooke.
-        bulk_mpa: bulk modulus K.
+        c10_mpa: energy coefficient C10, MPa.
+        c20_mpa: energy coefficient C20, MPa; C20 = C30 = 0 is neo-Hooke.
+        c30_mpa: energy coefficient C30, MPa.
+        bulk_mpa: bulk modulus K, MPa.
 
     Raises:
-        ParameterError: a constant that is not physical (C10 <= 0, K <= 0, or an energy that softens to nothing).
+        ParameterError: a constant is not physical (C10 <= 0, K <= 0, or dW/dI1b reaches 0 in 0 <= I1b - 3 <= 1).
     """
 
     c10_mpa: float
@@ -69,7 +71,7 @@ class HyperelasticLaw:
 
     @property
     def shear_mpa(self) -> float:
-        """Shear modulus of the undeformed material, mu = 2 C10."""
+        """Shear modulus of the undeformed material, mu = 2 C10, MPa."""
         return 2 * self.c10_mpa
 
     @property
@@ -80,25 +82,27 @@ class HyperelasticLaw:
 
     @property
     def young_mpa(self) -> float:
-        """Young's modulus of the undeformed material."""
+        """Young's modulus of the undeformed material, MPa."""
         return 2 * self.shear_mpa * (1 + self.poisson)
 
     def _least_slope(self) -> float:
-        """Least dW/dI1b at I1b - 3 in 0..1: at an end, or where the parabola turns."""
+        """Least dW/dI1b for I1b - 3 in 0..1, MPa: at an end of the interval or at the vertex of the parabola."""
         turn = -self.c20_mpa / (3 * self.c30_mpa) if self.c30_mpa else 0.0
         places = (0.0, min(max(turn, 0.0), 1.0), 1.0)
         return min(self.c10_mpa + 2 * self.c20_mpa * x + 3 * self.c30_mpa * x * x for x in places)
 
 
 def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_mpa: float = 0.0) -> HyperelasticLaw:
-    """Law from C10 and Poisson's ratio.
+    """Law from the energy coefficients and Poisson's ratio.
 
     Args:
-        c10_mpa, c20_mpa, c30_mpa: constants of the law (Yeoh), MPa.
+        c10_mpa: energy coefficient C10, MPa.
         poisson: Poisson's ratio of the undeformed material.
+        c20_mpa: energy coefficient C20, MPa.
+        c30_mpa: energy coefficient C30, MPa.
 
     Raises:
-        ParameterError: Poisson's ratio outside 0..0.49999, or non-physical constants.
+        ParameterError: Poisson's ratio lies outside 0..0.49999, or a constant is not physical.
     """
     if not 0 <= poisson <= MAX_POISSON:
         raise ParameterError(
@@ -113,7 +117,7 @@ def hyperelastic_law(c10_mpa: float, poisson: float, c20_mpa: float = 0.0, c30_m
 
 @dataclass(frozen=True)
 class Silicone:
-    """One row of the table (units in the field names; ``None`` where the source is silent)."""
+    """One row of the table (units in the field names; ``None`` where the source gives no value)."""
 
     name: str
     density_g_cm3: float
@@ -131,7 +135,7 @@ class Silicone:
     provenance: str
 
     def neo_hooke(self, poisson: float | None = None) -> HyperelasticLaw:
-        """Neo-Hooke law, with the table's Poisson's ratio unless another is given."""
+        """Neo-Hooke law; Poisson's ratio is the table's unless another one is given."""
         return hyperelastic_law(self.neo_hooke_c10_mpa, self.poisson if poisson is None else poisson)
 
     def yeoh(self, poisson: float | None = None) -> HyperelasticLaw:
@@ -150,7 +154,7 @@ class Silicone:
         return hyperelastic_law(c10, self.poisson if poisson is None else poisson, c20, c30)
 
     def prony_series(self) -> tuple[tuple[float, float], ...]:
-        """Pairs (g, tau_s) of the rate effects.
+        """Prony series of the relaxation: pairs of relative modulus g and time constant tau, s.
 
         Raises:
             ParameterError: the table has no series for this silicone.
@@ -168,19 +172,19 @@ class Silicone:
 
 @cache
 def silicones() -> dict[str, Silicone]:
-    """The table, name -> silicone.
+    """All rows: name -> silicone.
 
     Raises:
-        FileError: a missing or unreadable table, naming the line.
+        FileError: the table is missing or unreadable; the message names the line.
     """
     return read_table(TABLE, _silicone)
 
 
 def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
-    """One silicone by its name.
+    """The silicone with a name.
 
     Raises:
-        ParameterError: unknown name; the message lists those in the table.
+        ParameterError: the name is unknown; the message lists those in the table.
     """
     try:
         return silicones()[name]
@@ -194,10 +198,10 @@ def silicone(name: str = DEFAULT_SILICONE) -> Silicone:
 
 
 def mix_parts(mix_ratio: str) -> tuple[float, float]:
-    """Parts by weight of A and B, read from the table's words, for example ``100A:10B by weight``.
+    """Parts by weight of A and B, read from the table's text, for example ``100A:10B by weight``.
 
     Raises:
-        ParameterError: the words have another form, or a part is 0.
+        ParameterError: the text has another form, or a part is 0.
     """
     found = MIX_RATIO.fullmatch(mix_ratio)
     part_a, part_b = (float(found[1]), float(found[2])) if found else (0.0, 0.0)
@@ -228,8 +232,8 @@ def _silicone(row: dict[str, str]) -> Silicone:
         prony=_prony(row),
         provenance=row["provenance"],
     )
-    mix_parts(made.mix_ratio)  # a ratio that cannot be weighed is refused here, with its row,
-    made.neo_hooke()  # and so are constants that are not physical
+    mix_parts(made.mix_ratio)  # refuses here, with its row, a ratio that cannot be weighed
+    made.neo_hooke()  # and constants that are not physical
     if made.poisson < LEAST_POISSON:
         raise ValueError(
             f"poisson={made.poisson:g} outside {LEAST_POISSON:g}..{MAX_POISSON:g}: weights and study of any size are "
@@ -241,7 +245,7 @@ def _silicone(row: dict[str, str]) -> Silicone:
 
 
 def _yeoh(row: dict[str, str]) -> tuple[float, float, float] | None:
-    """The three constants of a row, or None where all are left out."""
+    """The three Yeoh constants of a row, MPa; None where all are empty."""
     if not any(row[column] for column in YEOH_COLUMNS):
         return None
     if missing := [column for column in YEOH_COLUMNS if not row[column]]:
@@ -251,7 +255,7 @@ def _yeoh(row: dict[str, str]) -> tuple[float, float, float] | None:
 
 
 def _prony(row: dict[str, str]) -> tuple[tuple[float, float], ...]:
-    """Pairs (g, tau_s) of a row; none where both columns are empty."""
+    """Pairs (g, tau_s) of a row; empty where both columns are empty."""
     moduli, times = _positives(row, "prony_g"), _positives(row, "prony_tau_s")
     if len(moduli) != len(times):
         raise ValueError(
@@ -266,5 +270,5 @@ def _prony(row: dict[str, str]) -> tuple[tuple[float, float], ...]:
 
 
 def _positives(row: dict[str, str], column: str) -> list[float]:
-    """Numbers of a cell, separated by semicolons; none where it is empty."""
+    """Numbers of a cell, which semicolons separate; empty where the cell is empty."""
     return [positive({column: part}, column) for part in row[column].split(";")] if row[column] else []

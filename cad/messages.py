@@ -1,10 +1,10 @@
-"""Messages of the commands: ``logging`` under the name ``endcap``, as plain lines on standard error (standard library).
+"""Messages of the commands: logger ``endcap``, plain lines on standard error (standard library only).
 
-    LOG.error(...)     why a command ends       LOG.warning(...)   what a user should look at
-    LOG.info(...)      progress, once a line    transient(...)     progress in one place, on a terminal only
+    LOG.error(...)     reason why a command ends    LOG.warning(...)   condition that the user should check
+    LOG.info(...)      progress, one line each      transient(...)     progress on one line of a terminal
 
-Results are no messages: :func:`show` prints them on standard output. ``endcap --quiet ...`` leaves progress out. A
-program of yours can take the handler off and add another.
+Results are not messages: :func:`show` prints them on standard output. ``endcap --quiet ...`` suppresses progress. A
+program that uses the toolkit can replace the handler.
 """
 
 from __future__ import annotations
@@ -20,36 +20,37 @@ LOG = logging.getLogger("endcap")
 
 
 class _StandardError(logging.Handler):
-    """Lines without a prefix; the stream is looked up for each, because tests and programs replace it."""
+    """Handler of lines without a prefix; it looks up the stream each time, because tests and programs replace it."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        with suppress(OSError, ValueError):  # nobody reads any more
+        with suppress(OSError, ValueError):  # the reader has closed the stream
             print(self.format(record), file=sys.stderr, flush=True)
 
 
 def set_level(level: int) -> None:
-    """What is shown: from ``logging.WARNING`` for ``--quiet``, else from ``logging.INFO``."""
+    """Set the least level that is printed: ``logging.WARNING`` for ``--quiet``, else ``logging.INFO``."""
     LOG.setLevel(level)
 
 
 def show(text: str) -> None:
-    """Print a result at once. Where its reader has left (``... | head``) the work goes on, and the rest is not printed.
+    """Print a result and flush. After its reader has closed (``... | head``) the work continues without output.
 
     Args:
         text: one line or several.
     """
     try:
         print(text, flush=True)
-    except BrokenPipeError:  # what is still in the buffer would fail again at the end of the process
+    except BrokenPipeError:  # the rest of the buffer would fail again at the end of the process
         with suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def transient(text: str = "", done: bool = False) -> None:
-    """Progress that overwrites itself: nothing where standard error is not a terminal, or progress is left out.
+    """Print progress over the last such line; does nothing without a terminal, or where progress is suppressed.
 
     Args:
-        text: replaces the line. done: whether the line stays.
+        text: text that replaces the line.
+        done: whether the line remains and the next text begins a new one.
     """
     if LOG.isEnabledFor(logging.INFO) and sys.stderr.isatty():
         print(f"\r\033[K{text}", end="\n" if done else "", file=sys.stderr, flush=True)
@@ -57,10 +58,12 @@ def transient(text: str = "", done: bool = False) -> None:
 
 @contextmanager
 def announced(text: str, after_s: float, say: Callable[[str], object] = LOG.info) -> Iterator[None]:
-    """Say what the work inside is, once it takes long.
+    """Announce the work inside the context if it takes long.
 
     Args:
-        text: what. after_s: shorter work is not announced, s. say: is called, from another thread.
+        text: name of the work.
+        after_s: duration before the announcement, s; shorter work is not announced.
+        say: function that receives the text, in another thread.
     """
     notice = threading.Timer(after_s, say, [text])
     notice.daemon = True

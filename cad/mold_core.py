@@ -1,7 +1,7 @@
-"""The mold core: inner half of the mold, with bumps that leave the dents for the dots, in seven pieces.
+"""The mold core: inner half of the mold in seven pieces, with bumps that leave the dents for the dots.
 
-The pieces leave through the bore of the TPU interface in this order: centre (straight out), keys (inward, then out),
-wedges (inward, then out). Millimetres, endcap frame, casting position.
+The pieces are taken out through the bore of the TPU interface in this order: centre (straight out), keys (inward, then
+out), wedges (inward, then out). Millimetres, endcap frame, casting position.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from cad.part import Part, Recipe
 from cad.pattern import LEAST_BRIDGE_MM, pitch_mm
 from cad.solids import cut_holes, drill, fused, intersected, one_solid, revolved
 
-PILOT_DEPTH_MM = 14.0
-APART_MM = 0.01  # far beyond the kernel's tolerance: spheres this near count as meeting
-COLOR = (0.93, 0.62, 0.22)
+PILOT_DEPTH_MM = 14.0  # of the holes for the hanger's screws, from the mating plane
+APART_MM = 0.01  # far above the kernel's tolerance: spheres closer than this count as meeting
+COLOR = (0.93, 0.62, 0.22)  # RGB, 0..1
 REMOVAL_ORDER = (
     "core_centre",
     *(f"core_key_{k}" for k in (1, 2, 3)),
@@ -30,10 +30,10 @@ REMOVAL_ORDER = (
 
 
 def bump_sphere_radius_mm(params: EndcapParams) -> float:
-    """Radius of the sphere that meets the inner sphere in a dot's circle and rises a dent's depth over it.
+    """Radius of a bump's sphere, which meets the inner sphere in the dot's circle and rises by the dent's depth, mm.
 
-    With the circle at z0 = sqrt(r^2 - a^2) and the summit at z0 + d, a segment of height d has the radius
-    (a^2 + d^2) / (2 d).
+    With r the inner radius, a the dot's radius and e the dent's depth, the bump is a segment of height
+    d = r + e - sqrt(r^2 - a^2) over a circle of radius a; its sphere has the radius (a^2 + d^2) / (2 d).
     """
     inner, dot = params.inner_radius_mm, params.dot_radius_mm
     rise = inner + params.dent_depth_mm - math.sqrt(inner**2 - dot**2)
@@ -41,15 +41,16 @@ def bump_sphere_radius_mm(params: EndcapParams) -> float:
 
 
 def bump_sphere_centre_mm(params: EndcapParams) -> float:
-    """How far from the endcap's centre, along a dot's direction, the centre of its bump's sphere lies."""
+    """Distance of the centre of a bump's sphere from the silicone sphere's centre, along the dot's direction, mm."""
     return params.inner_radius_mm + params.dent_depth_mm - bump_sphere_radius_mm(params)
 
 
 def bump_base_deg(params: EndcapParams) -> float:
-    """Latitude at which the solid of a bump ends: -90, a whole sphere, unless neighbours would meet inside the core.
+    """Latitude at which the solid of a bump ends, degrees: -90, a whole sphere, unless neighbours meet in the core.
 
-    OCCT had not fused 119 whole spheres that meet after three minutes. Where they would meet, each ends inside the core
-    instead, a quarter of the least bridge wider than its dot: half a bridge is left between neighbours.
+    OCCT did not finish the fusion of 119 intersecting whole spheres within three minutes. Where they would intersect,
+    each is therefore cut off inside the core, at a circle whose radius exceeds the dot's by a quarter of the least
+    bridge, so that half a bridge remains between neighbours.
     """
     radius = bump_sphere_radius_mm(params)
     if pitch_mm(bump_sphere_centre_mm(params), params.dot_rings) > 2 * radius + APART_MM:
@@ -58,11 +59,11 @@ def bump_base_deg(params: EndcapParams) -> float:
 
 
 def bump(params: EndcapParams, dot: Dot) -> Solid:
-    """The sphere, or its end above :func:`bump_base_deg`, that raises one bump.
+    """Solid of one bump: its sphere, or the part of it above latitude :func:`bump_base_deg`.
 
     Notes:
-        Its poles lie on the dot's own radius. With the default axis two bumps that met the core's equator gave OCCT
-        an invalid solid with 1.49 times the right volume.
+        The sphere's poles lie on the dot's own radius. With the default axis, two bumps that met the core's equator
+        gave an invalid solid in OCCT, with 1.49 times the right volume.
     """
     outward = Vector(*dot.direction)
     centre = outward * bump_sphere_centre_mm(params) + Vector(0, 0, params.centre_height_mm)
@@ -71,7 +72,7 @@ def bump(params: EndcapParams, dot: Dot) -> Solid:
 
 
 def core_profile(layout: MoldLayout) -> Face:
-    """Half section (x >= 0, z up) of the core: neck in the bore, ramp over the flange, inner sphere."""
+    """Half section of the core (x >= 0, z up): neck in the bore, ramp over the flange, inner sphere."""
     params = layout.params
     neck, flange, centre = layout.neck_radius_mm, params.flange_thickness_mm, params.centre_height_mm
     start = ramp_end(layout)
@@ -87,16 +88,16 @@ def core_profile(layout: MoldLayout) -> Face:
 
 
 def ramp_end(layout: MoldLayout) -> tuple[float, float]:
-    """Where the ramp meets the inner sphere: ``(radius, height)``.
+    """Point ``(radius, height)`` at which the ramp meets the inner sphere, mm.
 
-    Where a thick wall already stands over the bore there is no ramp, and the sphere starts on the flange.
+    Where a thick wall reaches over the bore there is no ramp, and the sphere begins on the flange.
     """
     params = layout.params
     slope = math.tan(math.radians(layout.ramp_deg))
     neck, flange, centre = layout.neck_radius_mm, params.flange_thickness_mm, params.centre_height_mm
     if params.inner_radius_at(flange) <= neck:
         return params.inner_radius_at(flange), flange
-    # |(neck + s, flange + slope s - centre)| = inner radius, the smaller positive root
+    # |(neck + s, flange + slope s - centre)| = inner radius, solved for s
     drop = flange - centre
     a, b = 1 + slope**2, neck + slope * drop
     c = neck**2 + drop**2 - params.inner_radius_mm**2
@@ -105,7 +106,7 @@ def ramp_end(layout: MoldLayout) -> tuple[float, float]:
 
 
 def core_body(layout: MoldLayout) -> Solid:
-    """The whole core with its bumps, before it is cut into pieces."""
+    """Build the whole core with its bumps, before it is cut into pieces."""
     params = layout.params
     return fused(revolved(core_profile(layout)), [bump(params, dot) for dot in dot_pattern(params)])
 
@@ -115,7 +116,7 @@ def core_parts(layout: MoldLayout, body: Solid) -> list[Part]:
 
     Args:
         layout: mold sizes.
-        body: what :func:`core_body` returned.
+        body: the whole core (:func:`core_body`).
     """
     parts = []
     for name, prism in core_prisms(layout).items():

@@ -1,8 +1,8 @@
-"""The mold cup: outer half of the mold, a bowl and a collar, each in three jigsaw segments.
+"""The mold cup: outer half of the mold, which consists of a bowl and a collar of three jigsaw segments each.
 
-Poured dome-down. The bowl stands on its foot; above its seam rises a dam, so that silicone which climbs while the core
-is pressed home stays inside. The collar comes down with the hanger and slides into the dam; six M4 bolts close the
-flanges and pin every segment to two of the other half. Millimetres, endcap frame, casting position.
+The silicone is poured dome-down. The bowl stands on its foot; the dam above its seam retains the silicone that rises
+while the core is pressed down. The collar is lowered together with the hanger and slides into the dam; six M4 bolts
+close the flanges and connect every segment to two of the other half. Millimetres, endcap frame, casting position.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from cad.solids import cut_holes, drill, intersected, one_solid, revolved
 
 BOWL, COLLAR = (tuple(f"cup_{half}_{k}" for k in (1, 2, 3)) for half in ("bowl", "collar"))  # names of the segments
 BOLT_HOLE_RADIUS_MM = 2.25  # S: M4, coarse clearance
-SPOT_RADIUS_MM = 5.5  # M4 washer and a finger; clears the dam and opens the flange's edge, so nothing is tangent
-TIP_HOLE_RADIUS_MM = 1.6  # an M3's tip is chamfered; 0.9 mm of PLA to the cavity
-GUSSET_MM = 10.0  # 45 degrees under each flange: no support needed
-# Rise over run of the cone under the bowl's skirt. 1 prints without support, as steeper ones do; at some sizes
-# (D=150..160 T=8) the kernel cannot cut that very cone near its axis and gives no shape at all: then the next.
+SPOT_RADIUS_MM = 5.5  # of spot faces: M4 washer with room; clears the dam and cuts the flange's edge, no tangency
+TIP_HOLE_RADIUS_MM = 1.6  # for the chamfered tip of an M3; 0.9 mm of PLA remain to the cavity
+GUSSET_MM = 10.0  # height of the 45 degree gusset under each flange, which needs no support
+# Rise over run of the cone under the bowl's skirt, tried in this order. 1 and steeper cones print without support; at
+# some sizes (D=150..160 T=8) the kernel cannot cut the first cone near its axis and returns no shape.
 SKIRT_STEEPNESS = (1.0, 1.04, 1.09, 1.15)
-COLOR = (0.36, 0.56, 0.80)
+COLOR = (0.36, 0.56, 0.80)  # RGB, 0..1
 
 
 def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
-    """The bolts that close the mold, by the pair of segments that each one ties."""
+    """Joints of the bolts that close the mold, one for each pair of segments that a bolt connects."""
     joints = []
     for azimuth in layout.bolt_azimuths_deg:
         bowl, collar = (
@@ -66,7 +66,7 @@ def screw_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
 
 
 def bowl_body(layout: MoldLayout, steepness: float = SKIRT_STEEPNESS[0]) -> Solid:
-    """The lower half before it is cut into segments; ``steepness`` is the rise over run of the cone under the skirt."""
+    """Build the bowl before it is cut into segments; ``steepness`` is the rise over run of the cone under the skirt."""
     params, top, seam = layout.params, layout.dam_top_mm, layout.seam_height_mm
     outer, wall = params.outer_radius_mm, layout.bowl_wall_mm
     below = top + layout.bolt_flange_mm
@@ -91,9 +91,9 @@ def bowl_body(layout: MoldLayout, steepness: float = SKIRT_STEEPNESS[0]) -> Soli
 
 
 def collar_body(layout: MoldLayout) -> Solid:
-    """The upper half before it is cut into segments."""
+    """Build the collar before it is cut into segments."""
     params, seam = layout.params, layout.seam_height_mm
-    bottom = layout.dam_top_mm - layout.joint_clearance_mm  # the piston seats on the seam, the flanges do not touch
+    bottom = layout.dam_top_mm - layout.joint_clearance_mm  # the piston bears on the seam; the flanges do not touch
     top = layout.collar_flange_top_mm
     outer, flange, piston = params.outer_radius_mm, layout.flange_radius_mm, layout.piston_radius_mm
     inside = params.bore_radius_mm  # inside the sphere at every height
@@ -122,7 +122,7 @@ def cup_parts(layout: MoldLayout) -> list[Part]:
     """Cut bowl and collar into their segments: ``cup_bowl_1..3`` and ``cup_collar_1..3``.
 
     Raises:
-        GeometryError: the kernel failed at every steepness of the bowl's skirt.
+        GeometryError: the kernel failed at all values of :data:`SKIRT_STEEPNESS`.
     """
     foot_tab = Tab(along_mm=0.45 * layout.params.outer_radius_mm, radius_mm=5.0, beyond_mm=3.2)
     tabs = (foot_tab, flange_tab(layout))
@@ -149,13 +149,13 @@ def _segments(
 
 
 def flange_tab(layout: MoldLayout) -> Tab:
-    """The tab in the bolt flanges of bowl and collar."""
+    """Tab in the bolt flanges of bowl and collar."""
     along = layout.params.outer_radius_mm + FLANGE_TAB_OFFSET_MM
     return Tab(along_mm=along, radius_mm=FLANGE_TAB_RADIUS_MM, beyond_mm=FLANGE_TAB_BEYOND_MM)
 
 
 def _gusset(top: float, flange: float, piston: float) -> list[tuple[float, float]]:
-    """Underside of the collar's flange: 45 degrees down to the piston's radius, cut off at the mating plane."""
+    """Outline (radius, height) of the gusset of the collar's flange: 45 degrees, cut off at the mating plane."""
     run = flange - piston
     if top <= 0:
         return [(flange, 0.0)]
@@ -172,7 +172,7 @@ def _bolt_holes(layout: MoldLayout) -> list[Solid]:
 
 
 def _tip_holes(layout: MoldLayout) -> list[Solid]:
-    """Blind holes in the bowl's seat under the collar's screws, which come through the low collar below D = 99.12."""
+    """Blind holes in the bowl's seat for the collar's screws, whose tips pass the low collar below D = 99.12."""
     seam, depth, circle = layout.seam_height_mm, layout.collar_tip_depth_mm, layout.collar_screw_circle_radius_mm
     places = [rotated((circle, 0), a) for a in layout.bolt_azimuths_deg] if depth else []
     return [drill(place, TIP_HOLE_RADIUS_MM, seam - 1.0, seam + depth) for place in places]

@@ -1,4 +1,4 @@
-"""Options of commands as NAME=VALUE words, and what is said of those that cannot be read (standard library only)."""
+"""Parser of command options in the form NAME=VALUE, with its error messages (standard library only)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_GYROID, RELEASED_RINGS, parse_rings, rings_text
 from cad.plain_numbers import brief, is_plain, plain
 
-FROM_MAKE = "--make-variables"  # the Makefile's way to hand over its variables as they were typed
+FROM_MAKE = "--make-variables"  # option with which the Makefile passes its variables as they were typed
 MAKES_OWN = ("PYTHON", "VENV")  # variables of the Makefile itself
-DESIGN_DEFAULTS = {"D": "130", "T": "8"}
+DESIGN_DEFAULTS = {"D": "130", "T": "8"}  # the released sensor, mm
 OPTION_OF = {"diameter_mm": "D", "wall_mm": "T"}  # names of fields, and the options that set them
 PATTERN_DEFAULTS = {
     "dots": rings_text(RELEASED_RINGS),
@@ -23,23 +23,23 @@ PATTERN_DEFAULTS = {
     "gyroid": plain(RELEASED_GYROID),
 }
 MILLIMETRES = "plain millimetres without a unit, for example D=130 T=8"
-FORMS = {  # numbers that are no lengths, as a message asks for them
+FORMS = {  # forms of the options that are not lengths, for messages
     "gyroid": "the fraction as a plain number, for example gyroid=0.1",
     "leds": "the number of LEDs in the digits 0 to 9, for example leds=8",
 }
 
 
 def make_variables(flags: str) -> list[str]:
-    """NAME=VALUE words that were given to `make`, out of its MAKEFLAGS, less the Makefile's own.
+    """NAME=VALUE words that were given to `make`, from its MAKEFLAGS, without the Makefile's own variables.
 
-    No shell reads them on this way, so a value may hold any character. Make puts a backslash before spaces and
+    No shell interprets them, so that a value may contain any character. Make puts a backslash before spaces and
     backslashes, and doubles dollar signs.
     """
     words = [match[0] for match in re.finditer(r"(?:\\.|\S)+", flags, re.DOTALL)]
     if "--" not in words:
         return []
     typed = []
-    for word in reversed(words[words.index("--") + 1 :]):  # make lists the last first
+    for word in reversed(words[words.index("--") + 1 :]):  # make lists them in reverse order
         name, equals, value = word.partition("=")
         plain_name = name.rstrip(":")
         if plain_name not in MAKES_OWN:
@@ -48,10 +48,10 @@ def make_variables(flags: str) -> list[str]:
 
 
 def parse_options(words: Sequence[str], defaults: Mapping[str, str]) -> dict[str, str]:
-    """Read NAME=VALUE words over the defaults.
+    """Read NAME=VALUE words; options that are not given keep their defaults.
 
     Raises:
-        ParameterError: an unknown name, a word of another form or given twice, or only one of D and T.
+        ParameterError: a name is unknown or given twice, a word has another form, or only one of D and T is given.
     """
     given: dict[str, str] = {}
     for word in words:
@@ -69,7 +69,7 @@ def parse_options(words: Sequence[str], defaults: Mapping[str, str]) -> dict[str
 
 
 def _hint(word: str, defaults: Mapping[str, str]) -> str:
-    """What may have been meant."""
+    """Suggestion for a word that is not an option."""
     name, equals, value = word.partition("=")
     known = {known.lower(): known for known in defaults}
     near = difflib.get_close_matches(name.lower(), known, n=1)
@@ -81,13 +81,13 @@ def _hint(word: str, defaults: Mapping[str, str]) -> str:
 
 
 def _refuse_half_a_design(given: Mapping[str, str]) -> None:
-    """Refuse one number without the other, with the nearest pair that can be made."""
+    """Refuse one of D and T without the other; the message proposes a pair that can be made."""
     usual_wall = float(DESIGN_DEFAULTS["T"])
     if "D" in given:
         diameter = parse_length("D", given["D"])
         low, high = feasible.wall_range_mm(diameter) if diameter > 0 else (1.0, 0.0)
         if not low <= high:
-            EndcapParams(diameter, usual_wall)  # refused by its own message: no wall fits
+            EndcapParams(diameter, usual_wall)  # raises with its own message where no wall fits
         example = f"D={given['D']} T={plain(feasible.nearest_wall_mm(diameter, usual_wall))}"
         missing, name = "D={D} without T", "T"
     else:
@@ -107,7 +107,8 @@ def parse_length(name: str, text: str) -> float:
     """Read a length in millimetres, or a number of :data:`FORMS`: a plain decimal in the digits 0 to 9.
 
     Raises:
-        ParameterError: anything else that Python would read as a number too (``1_30``, ``1e2``, other scripts' digits).
+        ParameterError: the text has another form, even one that Python accepts as a number (``1_30``, ``1e2``, digits
+            of other scripts).
     """
     if not is_plain(text):
         raise ParameterError(
@@ -119,10 +120,10 @@ def parse_length(name: str, text: str) -> float:
 
 
 def parse_design(options: Mapping[str, str]) -> EndcapParams:
-    """The two numbers, and dots and gyroid where a command takes them.
+    """Design from the options D and T, and from dots and gyroid where a command has them.
 
     Raises:
-        ParameterError: not numbers, or outside the feasible region.
+        ParameterError: a value is not a number, or the design lies outside the feasible region.
     """
     rings = parse_rings(options.get("dots", rings_text(RELEASED_RINGS)))
     dot_mm, gyroid = (
@@ -133,16 +134,16 @@ def parse_design(options: Mapping[str, str]) -> EndcapParams:
 
 
 def chosen(option: str, typed: str, names: Iterable[str], table: str) -> str:
-    """A name as its table writes it; upper and lower case count as one.
+    """Spelling in a table of a name that was typed in any case.
 
     Args:
-        option: as typed, for example ``material``.
-        typed: its value.
-        names: rows of the table; no two differ in case alone.
-        table: its file, from the toolkit's folder.
+        option: name of the option, for example ``material``.
+        typed: its value as typed.
+        names: names in the table; no two differ in case alone.
+        table: path of the table's file in the toolkit's folder, for the message.
 
     Raises:
-        ParameterError: no such row; the message has the nearest names, and all.
+        ParameterError: there is no such row; the message lists the nearest names and all names.
     """
     by_lower = {name.lower(): name for name in names}
     if found := by_lower.get(typed.lower()):
@@ -158,7 +159,7 @@ def chosen(option: str, typed: str, names: Iterable[str], table: str) -> str:
 
 @contextmanager
 def named_as_typed() -> Iterator[None]:
-    """Errors about a field of the design begin with the option that set it: ``D=300``, not ``diameter_mm=300``."""
+    """Context in which errors name the option instead of the design's field: ``D=300``, not ``diameter_mm=300``."""
     try:
         yield
     except ParameterError as error:

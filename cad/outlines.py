@@ -1,6 +1,6 @@
-"""Plane faces: outlines of prisms (x, y) and half sections of revolved bodies (radius, height). Millimetres.
+"""Plane faces for outlines of prisms (x, y) and half sections of bodies of revolution (radius, height). Millimetres.
 
-Boolean operations on plane faces are quicker and safer than the same operations on the solids made from them.
+Boolean operations on plane faces are faster and more reliable than the same operations on the solids made from them.
 """
 
 from __future__ import annotations
@@ -12,27 +12,29 @@ from cad.errors import GeometryError
 
 
 def polygon(points: list[tuple[float, float]]) -> Face:
-    """A face from its corners."""
+    """Polygonal face from its corners (x, y), mm."""
     return Face(Wire.make_polygon([Vector(x, y, 0) for x, y in points], close=True))
 
 
 def rectangle(left: float, right: float, low: float, high: float) -> Face:
-    """An upright rectangle.
+    """Rectangle with sides along the axes.
 
     Args:
-        left, right: smallest and largest x (in a half section: radius), mm.
-        low, high: smallest and largest y (in a half section: height), mm.
+        left: smallest x (in a half section: radius), mm.
+        right: largest x, mm.
+        low: smallest y (in a half section: height), mm.
+        high: largest y, mm.
     """
     return polygon([(left, low), (right, low), (right, high), (left, high)])
 
 
 def disc(centre: tuple[float, float], radius_mm: float) -> Face:
-    """A round face."""
+    """Circular face."""
     return Face(Wire.make_circle(radius_mm, Plane(origin=(*centre, 0))))
 
 
 def common(first: Face, second: Face) -> Face:
-    """What two faces share, where that is one face."""
+    """Intersection of two faces, which must be one face; raises GeometryError where they do not meet."""
     shared = first.intersect(second)
     if not shared:
         raise GeometryError("two outlines of the mold do not meet: report D and T")
@@ -40,5 +42,5 @@ def common(first: Face, second: Face) -> Face:
 
 
 def upright(section: Face) -> Face:
-    """Turn a half section drawn as (radius, height) into the xz-plane, ready to be revolved about z."""
+    """Rotate a half section drawn as (radius, height) into the xz-plane, for a revolution about z."""
     return Rot(90, 0, 0) * section

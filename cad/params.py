@@ -1,13 +1,13 @@
-"""Two numbers in, every size of the endcap out (standard library only: the bottom layer of the project).
+"""Parameters of an endcap and all sizes that follow from them (standard library only: the project's bottom layer).
 
-Endcap frame, used everywhere: origin at the centre of the mating plane (where the TPU interface meets the rigid
+All modules use the endcap frame: origin at the centre of the mating plane (where the TPU interface meets the rigid
 base), z along the axis of revolution toward the tip of the dome, millimetres. The silicone is a spherical shell
-whose centre lies ``centre_height_mm`` above the mating plane; below the centre it narrows again, so the shell is
+whose centre lies ``centre_height_mm`` above the mating plane; below the centre it narrows again, so that the shell is
 wider at its equator than at its rim.
 
-What scales and what does not. The sensing hardware (camera, LED ring, nuts, screws) keeps its size. Base, screw
-circle and arm pattern depend on the diameter alone, so that shells of different wall or silicone can be swapped on
-one base. At D=130 they coincide with the released sensor (M, GEO02 to GEO11).
+Scaling: the sensing hardware (camera, LED ring, nuts, screws) has the same size in all designs. Base, screw circle and
+arm pattern depend on the diameter alone, so that shells of different wall or silicone fit the same base. At D=130 they
+coincide with the released sensor (M, GEO02 to GEO11).
 
 Provenance letters in comments are those of docs/provenance.md: P paper, M measured, S standard, E our estimate.
 """
@@ -26,18 +26,19 @@ from cad.plain_numbers import plain
 
 @dataclass(frozen=True)
 class EndcapParams:
-    """The endcap of outer diameter D and wall thickness T.
+    """Parameters of the endcap of outer diameter D and wall thickness T.
 
     Attributes:
-        diameter_mm: outer diameter D of the silicone sphere.
-        wall_mm: thickness T of the silicone wall, measured along the radius.
-        dot_rings: dots of each ring, from the tip to the last ring before the equator (:mod:`cad.pattern`).
-        dot_mm: diameter of a dot.
-        gyroid: fraction of TPU in the gyroid zone.
+        diameter_mm: outer diameter D of the silicone sphere, mm.
+        wall_mm: thickness T of the silicone wall, measured along the radius, mm.
+        dot_rings: number of dots in each ring, from the tip to the last ring before the equator (:mod:`cad.pattern`).
+        dot_mm: diameter of a dot, mm.
+        gyroid: volume fraction of TPU in the gyroid zone.
 
     Raises:
-        cad.errors.ParameterError: (D, T) outside the region that can be made; the message names the value, the
-            limit, the reason and the nearest valid choice (see :mod:`cad.feasible`).
+        cad.errors.ParameterError: (D, T), the dots or the gyroid lie outside the region that can be made
+            (:mod:`cad.feasible`, :mod:`cad.pattern`); the message names the value, the limit, the reason and the
+            nearest valid choice.
     """
 
     diameter_mm: float
@@ -65,12 +66,12 @@ class EndcapParams:
 
     @property
     def option_words(self) -> dict[str, str]:
-        """Options beside D and T that differ from the released ones, as they are typed."""
+        """Options other than D and T that differ from the released values: name -> text as typed."""
         return pattern.option_words(self.dot_rings, self.dot_mm, self.gyroid)
 
     @property
     def record(self) -> dict[str, Any]:
-        """The parameters as plain JSON; options of the released sensor are not in it, so that older files agree."""
+        """The parameters as plain JSON, without options that have the released values, so that older files agree."""
         options = {"dots": ("dot_rings", list(self.dot_rings)), "dot_mm": ("dot_mm", self.dot_mm)}
         options["gyroid"] = ("gyroid", self.gyroid)
         numbers = {"diameter_mm": self.diameter_mm, "wall_mm": self.wall_mm}
@@ -78,19 +79,19 @@ class EndcapParams:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the parameters as canonical JSON; weights and manifests carry it."""
+        """SHA-256 of the parameters as canonical JSON, stored in weights and manifests."""
         text = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     # --- silicone sphere --------------------------------------------------------------------------------------
     @property
     def outer_radius_mm(self) -> float:
-        """Radius R of the outer surface."""
+        """Radius R of the outer surface, D / 2."""
         return self.diameter_mm / 2
 
     @property
     def inner_radius_mm(self) -> float:
-        """Radius of the inner surface, that the camera sees: R - T."""
+        """Radius of the inner surface, which the camera sees: R - T."""
         return self.outer_radius_mm - self.wall_mm
 
     @property
@@ -111,7 +112,7 @@ class EndcapParams:
     # --- TPU interface ----------------------------------------------------------------------------------------
     @property
     def screw_circle_radius_mm(self) -> float:
-        """Radius of the ten M3 screws (47.53 at D=130): a fixed inset from the rim, because the nut is fixed."""
+        """Radius of the ten M3 screws' circle (47.53 at D=130): a fixed inset from the rim, as the nut is fixed."""
         return self.rim_radius_mm - scaling.SCREW_INSET_MM
 
     @property
@@ -121,12 +122,12 @@ class EndcapParams:
 
     @property
     def bore_radius_mm(self) -> float:
-        """Radius of the hole in the TPU flange, through which the mold core comes out and the camera looks in."""
+        """Radius of the hole in the TPU flange, through which the mold core is removed and the camera sees the dome."""
         return self.screw_circle_radius_mm - scaling.BORE_INSET_MM
 
     @property
     def flange_thickness_mm(self) -> float:
-        """TPU flange: 2.2 under the nut, 2.0 nut pocket, 1.8 roof over it (E); the silicone starts on top of it."""
+        """Thickness of the TPU flange (E): 2.2 under the nut, 2.0 nut pocket, 1.8 roof; the silicone begins on it."""
         return scaling.FLANGE_THICKNESS_MM
 
     @property
@@ -136,12 +137,12 @@ class EndcapParams:
 
     @property
     def interlock_top_mm(self) -> float:
-        """Height at which the gyroid ends."""
+        """Height above the mating plane at which the gyroid ends."""
         return self.flange_thickness_mm + self.interlock_depth_mm
 
     @property
     def skin_mm(self) -> float:
-        """Silicone over the gyroid on both sides: a dot's dent (0.6) and 0.4 mm that still fills (E)."""
+        """Silicone over the gyroid on each side: the depth of a dot's dent (0.6) and the 0.4 mm that still fill (E)."""
         return 1.0
 
     @property
@@ -156,23 +157,23 @@ class EndcapParams:
 
     @property
     def opening_radius_mm(self) -> float:
-        """Radius of the way out for the core: the bore, or the silicone on the flange where a thick wall is tighter."""
+        """Radius of the opening for the core: the bore, or the silicone on the flange where that is narrower."""
         return min(self.bore_radius_mm, self.inner_radius_at(self.flange_thickness_mm))
 
     # --- rigid base -------------------------------------------------------------------------------------------
     @property
     def base_sphere_radius_mm(self) -> float:
-        """Sphere that the base follows (67.5 at D=130): 2.5 mm outside the silicone, whose rim it guards (M, GEO02)."""
+        """Radius of the base's sphere (67.5 at D=130): 2.5 mm outside the silicone to protect its rim (M, GEO02)."""
         return self.outer_radius_mm + 2.5
 
     @property
     def base_thickness_mm(self) -> float:
-        """Thickness below the mating plane (M, GEO04); fixed, because camera and screws are."""
+        """Thickness of the base below the mating plane (M, GEO04); fixed, as are camera and screws."""
         return 16.0
 
     @property
     def arm_circle_radius_mm(self) -> float:
-        """Radius of the five M4 arm screws (60.0 at D=130): lugs of radius 7.5 end flush with the base's sphere."""
+        """Radius of the five M4 arm screws' circle (60.0 at D=130): lugs of radius 7.5 end at the base's sphere."""
         return self.base_sphere_radius_mm - 7.5
 
     @property
@@ -183,12 +184,12 @@ class EndcapParams:
     # --- camera -----------------------------------------------------------------------------------------------
     @property
     def camera_height_mm(self) -> float:
-        """Entrance pupil of the camera above the mating plane; sensing hardware, so it does not scale."""
+        """Height of the camera's entrance pupil above the mating plane; it does not scale with D."""
         return scaling.camera_height_mm()
 
     @property
     def view_rim_polar_deg(self) -> float:
-        """Polar angle (from the tip, about the sphere's centre) where the inner surface leaves the 180 degree view."""
+        """Polar angle from the tip, about the sphere's centre, at which the inner surface leaves the 180 deg view."""
         return scaling.view_rim_polar_deg(self.diameter_mm, self.wall_mm)
 
     # --- surfaces ---------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What every part module returns: a named solid with what the workshop must know about it."""
+"""Record that every part module returns: a named solid with the data for its manufacture."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Role = Literal["printed", "cast", "bought"]
 
 @dataclass(frozen=True)
 class Recipe:
-    """The booleans that made a solid, so that its mesh can be made by the same ones.
+    """Operands of the booleans that made a solid, so that its mesh can be made by the same booleans.
 
-    A piece cut out of a body by the kernel has faces with ragged borders, across which the kernel's mesher leaves
-    facets far off the surface (0.08 mm at a tolerance of 0.01). The body and the tools have none, so their meshes are
-    true, and the booleans of the meshes keep them so.
+    A piece that the kernel cuts from a body has faces with irregular borders, across which the kernel's mesher leaves
+    facets far from the surface (0.08 mm at a tolerance of 0.01). Body and tools have no such faces: their meshes are
+    accurate, and the booleans of meshes preserve that.
 
     Attributes:
-        body: what the piece is cut from.
-        common: solids that the piece is inside of.
-        less: solids that are taken off.
+        body: solid from which the piece is cut.
+        common: solids with which the body is intersected.
+        less: solids that are subtracted.
     """
 
     body: Solid
@@ -32,16 +32,16 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Part:
-    """One part in the endcap frame (mm), in its assembled (or, for the mold, its casting) position.
+    """One part in the endcap frame (mm), in its assembled position (mold: in its casting position).
 
     Attributes:
         name: stable name, also the stem of its files, for example ``cup_bowl_1``.
-        role: how the part comes to be.
-        material: what it is made of, for example ``PLA``.
+        role: how the part is obtained.
+        material: its material, for example ``PLA``.
         solid: one valid solid.
-        color: RGB in 0..1, as shown on a screen, for pictures and assemblies.
-        quantity: pieces needed for one endcap.
-        recipe: how the solid was made, where its mesh is to be made from the same operands.
+        color: sRGB in 0..1, for pictures and assemblies.
+        quantity: number of pieces for one endcap.
+        recipe: operands of the solid, where its mesh is made from their meshes.
     """
 
     name: str

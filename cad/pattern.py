@@ -1,11 +1,12 @@
-"""Which dots and which gyroid an endcap may have: its named options beside D and T (standard library only).
+"""Accepted dots and gyroids of an endcap, the named options in addition to D and T (standard library only).
 
-    dots    dots of each ring from the tip to the last ring before the equator, for example 1-6-10-12-16-18-20; n counts
-            stand at equal steps of 180 / (2 n - 1) degrees, and rings beyond the equator mirror them
+    dots    number of dots in each ring from the tip to the last ring before the equator, for example
+            1-6-10-12-16-18-20; n rings have equal polar steps of 180 / (2 n - 1) degrees, and rings beyond the
+            equator mirror them
     dot_mm  diameter of a dot on the inner surface
-    gyroid  fraction of TPU in the gyroid zone
+    gyroid  volume fraction of TPU in the gyroid zone
 
-Each limit is a closed form: chords between neighbours on the inner sphere for dots, the sheet's period for the gyroid.
+Limits of dots are closed forms of the chords between neighbours on the inner sphere; those of the gyroid are fixed.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from cad.errors import ParameterError
 from cad.plain_numbers import brief, plain
 
 RELEASED_RINGS = (1, 6, 10, 12, 16, 18, 20)  # M, CAM06
-RELEASED_DOT_MM = 4.0  # E: what a dot measures on the photos
+RELEASED_DOT_MM = 4.0  # E: diameter of a dot on the photos
 RELEASED_GYROID = 0.10  # P, GYR01
-DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; of dots from the released 4 mm on (flank 33 degrees)
+DENT_DEPTH_MM = 0.6  # E: deep enough to hold ink; for dots of the released 4 mm or more (flank 33 degrees)
 DOT_RANGE_MM = (2.9, 8.0)  # E: below and above, no dent holds ink
-LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; less, and ink and blobs of neighbours run together
-ROUNDING_MM = 1e-9  # a proposed pitch lies over the least by this, so that no rounding puts it below
+LEAST_BRIDGE_MM = 2.0  # E: silicone between two dents; with less, the ink and the images of neighbours merge
+ROUNDING_MM = 1e-9  # excess of a proposed pitch over the least one, so that rounding does not make it too small
 DOT_MM_EXAMPLE, GYROID_EXAMPLE = "millimetres, for example dot_mm=4", "a fraction, for example gyroid=0.1"
-MOST_RINGS = 12
-MOST_DIGITS = 4  # of a count: no ring takes a thousand dots
+MOST_RINGS = 12  # from the tip to the last ring before the equator
+MOST_DIGITS = 4  # of a count: no ring has room for a thousand dots
 GYROID_RANGE = (
     0.08,
     0.12,
@@ -38,10 +39,10 @@ GYROID_REASON = (
 
 
 def parse_rings(text: object) -> tuple[int, ...]:
-    """Read counts joined by minus signs.
+    """Read the counts of the rings, joined by minus signs.
 
     Raises:
-        ParameterError: anything else.
+        ParameterError: the value has another form.
     """
     if not isinstance(text, str):
         raise ParameterError(
@@ -61,15 +62,15 @@ def parse_rings(text: object) -> tuple[int, ...]:
 
 
 def rings_text(rings: tuple[int, ...]) -> str:
-    """Counts as they are typed."""
+    """Counts of the rings as typed."""
     return "-".join(map(str, rings))
 
 
 def whole_counts(rings: Iterable[object]) -> tuple[int, ...]:
-    """Dots of each ring as Python's own whole numbers, of whatever library they come.
+    """Counts of the rings as Python integers, from integers of any library.
 
     Raises:
-        ParameterError: some are none.
+        ParameterError: a count is not an integer.
     """
     try:
         return tuple(index(count) for count in rings)  # type: ignore[arg-type]
@@ -83,28 +84,31 @@ def whole_counts(rings: Iterable[object]) -> tuple[int, ...]:
 
 
 def dent_depth_mm(dot_mm: float) -> float:
-    """Depth of the dents: one smaller than the released is as steep as it, and so less deep.
+    """Depth of the dents, mm: dents of dots below the released 4 mm keep its slope and are therefore less deep.
 
-    A key of the core is pulled inward, and the sphere at its edges faces up to 60 degrees away from that pull (beside
-    the ramp of the thickest walls), so flanks steeper than 30 degrees can be undercut. At 33 degrees that is 6 microns
-    of a bump of 3.6 mm radius; at the 45 degrees of a dot of 2.9 mm that were 0.6 mm deep, it would be 70.
+    A key of the core is pulled inward. The normals of the sphere at its edges deviate by up to 60 degrees from that
+    direction (next to the ramp of the thickest walls), so that flanks steeper than 30 degrees can be undercut. At 33
+    degrees the undercut is 6 um for a bump's sphere of 3.6 mm radius; at the 45 degrees of a dot of 2.9 mm with a depth
+    of 0.6 mm it would be 70 um.
     """
     return DENT_DEPTH_MM * min(1.0, dot_mm / RELEASED_DOT_MM)
 
 
 def step_deg(rings: tuple[int, ...]) -> float:
-    """Polar angle from ring to ring: the equator lies midway between the last ring and its mirror."""
+    """Polar step between rings, degrees: the equator lies midway between the last ring and its mirror image."""
     return 180.0 / (2 * len(rings) - 1)
 
 
 def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> None:
-    """Refuse dots that do not fit beside each other on the inner surface.
+    """Refuse dots that do not fit next to each other on the inner surface.
 
     Args:
-        inner_radius_mm: of the dome. rings: dots of each ring. dot_mm: diameter of a dot.
+        inner_radius_mm: radius of the inner surface, mm.
+        rings: number of dots in each ring.
+        dot_mm: diameter of a dot, mm.
 
     Raises:
-        ParameterError: with the accepted range.
+        ParameterError: the value is outside the accepted range, which the message names.
     """
     low, high = DOT_RANGE_MM
     if not low <= dot_mm <= high:
@@ -126,14 +130,14 @@ def require_pattern(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: floa
 
 
 def _too_near(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> str:
-    """What does not fit, and what does: counts as they are typed, and a smaller dot where there is one."""
+    """Message for rings that do not fit: it proposes counts that fit, and a smaller dot where one fits."""
     pitch = dot_mm + LEAST_BRIDGE_MM
     fitting = pitch_mm(inner_radius_mm, rings) - LEAST_BRIDGE_MM
     choice = fitting_rings(inner_radius_mm, rings, dot_mm)
     full = [f"ring {k} at most {n}" for k, n in enumerate(choice) if rings[k] > n]
     rows = [f"at most {len(choice)} rings"] if len(choice) < len(rings) else []
     smaller, shortfall = math.floor(fitting * 10) / 10, dot_mm - fitting
-    decimals = max(2, math.ceil(-math.log10(shortfall)) + 1)  # as many as show that it is too little
+    decimals = max(2, math.ceil(-math.log10(shortfall)) + 1)  # enough to show that the distance is too small
     apart = f"{fitting + LEAST_BRIDGE_MM:.{decimals}f}"
     or_smaller = f", or dot_mm={smaller:g}" if smaller >= DOT_RANGE_MM[0] else ""
     return (
@@ -144,10 +148,12 @@ def _too_near(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> 
 
 
 def fitting_rings(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float) -> tuple[int, ...]:
-    """Counts that fit, each as near to the wanted one as it can be.
+    """Counts that fit, each as near as possible to the wanted one.
 
     Args:
-        inner_radius_mm: of the dome. rings: the wanted counts. dot_mm: diameter of a dot.
+        inner_radius_mm: radius of the inner surface, mm.
+        rings: wanted number of dots in each ring.
+        dot_mm: diameter of a dot, mm.
     """
     pitch = dot_mm + LEAST_BRIDGE_MM + ROUNDING_MM
     kept = rings[: most_rings(inner_radius_mm, pitch)]
@@ -155,33 +161,36 @@ def fitting_rings(inner_radius_mm: float, rings: tuple[int, ...], dot_mm: float)
 
 
 def pitch_mm(inner_radius_mm: float, rings: tuple[int, ...]) -> float:
-    """Least distance between the centres of two dots: along a ring, or from ring to ring on their common meridian."""
+    """Least distance between two dots' centres, mm: along a ring, or from ring to ring on their common meridian."""
     step, across = math.radians(step_deg(rings)), 2 * inner_radius_mm
     along = [across * math.sin(k * step) * math.sin(math.pi / count) for k, count in enumerate(rings) if k]
     return min(across * math.sin(step / 2), *along)
 
 
 def most_dots(inner_radius_mm: float, rings: tuple[int, ...], ring: int, pitch: float) -> int:
-    """Most dots that a ring takes at a pitch (mm).
+    """Largest number of dots in a ring at a pitch.
 
     Args:
-        inner_radius_mm: of the dome. rings: dots of each ring. ring: which. pitch: between centres, mm.
+        inner_radius_mm: radius of the inner surface, mm.
+        rings: number of dots in each ring.
+        ring: number of the ring, 0 at the tip.
+        pitch: least distance between centres, mm.
     """
     across = 2 * inner_radius_mm * math.sin(math.radians(ring * step_deg(rings)))
     return math.floor(math.pi / math.asin(pitch / across)) if pitch < across else 1
 
 
 def most_rings(inner_radius_mm: float, pitch: float) -> int:
-    """Most rings to the equator whose step is a pitch (mm) or more."""
+    """Largest number of rings up to the equator whose step is at least a pitch (mm)."""
     half_step = math.asin(min(1.0, pitch / (2 * inner_radius_mm)))
     return math.floor((math.pi / (2 * half_step) + 1) / 2)
 
 
 def require_gyroid(fraction: float) -> None:
-    """Refuse a fraction of TPU that the gates of the gyroid do not hold for.
+    """Refuse a volume fraction of TPU for which the gates of the gyroid do not hold.
 
     Raises:
-        ParameterError: with the accepted range.
+        ParameterError: the value is outside the accepted range, which the message names.
     """
     low, high = GYROID_RANGE
     if not low <= fraction <= high:
@@ -194,10 +203,12 @@ def require_gyroid(fraction: float) -> None:
 
 
 def option_words(rings: tuple[int, ...], dot_mm: float, gyroid: float) -> dict[str, str]:
-    """Options that differ from the released ones, as they are typed.
+    """Options that differ from the released values: name -> text as typed.
 
     Args:
-        rings: dots of each ring. dot_mm: diameter of a dot. gyroid: fraction of TPU.
+        rings: number of dots in each ring.
+        dot_mm: diameter of a dot, mm.
+        gyroid: volume fraction of TPU in the gyroid zone.
     """
     words = {}
     if rings != RELEASED_RINGS:

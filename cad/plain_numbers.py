@@ -1,7 +1,7 @@
-"""Numbers as people type them: plain decimals in the digits 0 to 9 (standard library only: the bottom layer).
+"""Parser of typed numbers: plain decimals in the digits 0 to 9 (standard library only: the bottom layer).
 
-Python reads more as a number: ``1_30``, ``1e2``, ``nan``, the digits of other scripts. Where someone typed one of these
-for a size, a typing error would become a part.
+Python also accepts ``1_30``, ``1e2``, ``nan`` and the digits of other scripts. As a size, each of these is probably a
+typing error, which would become a wrong part.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import re
 
 from cad.errors import ParameterError, printable
 
-_FORM = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
-_STORED = re.compile(_FORM.pattern + r"([eE][+-]?[0-9]+)?")
-_WHOLE = re.compile(r"[+-]?[0-9]{1,18}")  # more digits count nothing, and Python refuses thousands of them
-_LONGEST = 40  # characters of a text that a message repeats
+_FORM = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")  # as typed
+_STORED = re.compile(_FORM.pattern + r"([eE][+-]?[0-9]+)?")  # as in tables that programs write
+_WHOLE = re.compile(r"[+-]?[0-9]{1,18}")  # more are never needed, and Python refuses thousands of digits
+_LONGEST = 40  # most characters of a text that a message repeats in full
 
 
 def is_plain(text: str) -> bool:
@@ -26,7 +26,7 @@ def plain_number(text: str) -> float:
     """Read a plain decimal number.
 
     Raises:
-        ParameterError: another form.
+        ParameterError: the text has another form.
     """
     if not is_plain(text) or not math.isfinite(float(text)):
         raise ParameterError(f"{brief(text)} is not a plain decimal number: write it like 130 or 8.5, without a unit")
@@ -34,10 +34,10 @@ def plain_number(text: str) -> float:
 
 
 def whole_number(text: str) -> int:
-    """Read a whole number.
+    """Read a whole number of at most 18 digits.
 
     Raises:
-        ParameterError: another form.
+        ParameterError: the text has another form.
     """
     if _WHOLE.fullmatch(text) is None:
         raise ParameterError(f"{brief(text)} is not a whole number: write it in the digits 0 to 9, like 30")
@@ -45,10 +45,10 @@ def whole_number(text: str) -> int:
 
 
 def stored_number(text: str | None) -> float:
-    """Read a number as programs write it to tables: also with an exponent, and with blanks around it.
+    """Read a number from a table that a program wrote: an exponent and surrounding blanks are accepted.
 
     Raises:
-        ParameterError: another form, infinity, or nothing at all.
+        ParameterError: the text has another form, is empty, or holds infinity.
     """
     word = (text or "").strip(" ")
     if _STORED.fullmatch(word) is None or not math.isfinite(float(word)):
@@ -57,11 +57,11 @@ def stored_number(text: str | None) -> float:
 
 
 def brief(text: str) -> str:
-    """A text as a message repeats it: in one line, and of a long one the beginning and how long it is."""
+    """A text for a message: on one line, and shortened to its beginning and its length where it is long."""
     return printable(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)")
 
 
 def plain(number: float) -> str:
-    """A number in the fewest digits that read back as the same number."""
+    """A number as text, with the fewest digits that read back as the same number."""
     short = f"{number:g}"
     return short if float(short) == number else repr(number)

@@ -1,10 +1,10 @@
-"""Plug-ins: what an installed distribution adds by entry points, found by name and loaded when asked for.
+"""Plug-ins: entry points of installed distributions, found by name and loaded on demand.
 
     [project.entry-points."endcap.field_methods"]
     mine = "my_package:MyField"
 
-docs/plugins has one page for each kind. Names are read without importing anything; what fails to load, or is
-not what it should be, is one line that names the plug-in and its distribution. Standard library only.
+docs/plugins has one page for each kind. Names are read without importing a plug-in. A plug-in that fails to load, or
+that is not of the expected kind, raises an error of one line that names it and its distribution. Standard library only.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cad.errors import EndcapError, ParameterError, printable
 
 
 class Kind(Enum):
-    """What can be added; the value is the group of entry points."""
+    """Kinds of plug-ins; the value is the group of entry points."""
 
     CAMERA = "endcap.cameras"
     FIELD_METHOD = "endcap.field_methods"
@@ -29,19 +29,19 @@ class Kind(Enum):
 
 
 def names(kind: Kind) -> tuple[str, ...]:
-    """Names that installed distributions add, in alphabetical order; nothing is imported."""
+    """Names of the installed plug-ins of a kind, in alphabetical order; no plug-in is imported."""
     return tuple(sorted({entry.name for entry in _entries().select(group=kind.value)}))
 
 
 def load(kind: Kind, name: str) -> Callable[..., Any]:
-    """The object of an entry point.
+    """Load the object of an entry point.
 
     Args:
-        kind: what it adds.
+        kind: kind of the plug-in.
         name: one of :func:`names`.
 
     Raises:
-        ParameterError: two distributions add the name, or it cannot be imported or called.
+        ParameterError: no distribution or more than one has the name, or the object cannot be imported or called.
     """
     found = list(_entries().select(group=kind.value, name=name))
     if not found:
@@ -51,23 +51,25 @@ def load(kind: Kind, name: str) -> Callable[..., Any]:
         raise ParameterError(f"{kind.value}: {owners} both add {name!r}: uninstall one of them", name=name)
     try:
         made = found[0].load()
-    except Exception as error:  # code of others: whatever it raises is its fault, and named as such
-        raise _broken(kind, name, f"cannot be imported ({_said(error)})") from error
+    except Exception as error:  # foreign code may raise anything; the message names its distribution
+        raise _broken(kind, name, f"cannot be imported ({_error_text(error)})") from error
     if not callable(made):
         raise _broken(kind, name, f"is {type(made).__name__}, not something that can be called")
     return made
 
 
 def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
-    """Call a plug-in and check what it gives.
+    """Call a plug-in and check its result.
 
     Args:
-        kind, name: which.
-        needs: attribute that its answer must have, for example ``update``.
-        arguments: passed on.
+        kind: kind of the plug-in.
+        name: one of :func:`names`.
+        needs: attribute that the result must have, for example ``update``.
+        arguments: positional arguments of the call.
 
     Raises:
-        ParameterError: it fails, or gives something else. EndcapError: one that it raises on purpose.
+        ParameterError: the plug-in fails, or its result lacks the attribute.
+        EndcapError: the plug-in raised it.
     """
     factory = load(kind, name)
     try:
@@ -75,7 +77,7 @@ def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
     except EndcapError:
         raise
     except Exception as error:
-        raise _broken(kind, name, f"failed ({_said(error)})") from error
+        raise _broken(kind, name, f"failed ({_error_text(error)})") from error
     if not hasattr(made, needs):
         raise _broken(kind, name, f"gave {type(made).__name__} without {needs}")
     return made
@@ -83,7 +85,7 @@ def make(kind: Kind, name: str, needs: str, *arguments: Any) -> Any:
 
 @cache
 def _entries() -> Any:
-    """Of everything that is installed, read once: some hundredths of a second."""
+    """Entry points of all installed distributions, read once (some hundredths of a second)."""
     return metadata.entry_points()
 
 
@@ -98,5 +100,5 @@ def _owner(entry: metadata.EntryPoint) -> str:
     return entry.dist.name if entry.dist is not None else "an unknown distribution"
 
 
-def _said(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:200]

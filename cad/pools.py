@@ -1,17 +1,17 @@
-"""Pools of worker processes whose workers may be killed (standard library only)."""
+"""Safe end of process pools whose workers may be killed (standard library only)."""
 
 from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 
 
-def let_a_cut_result_end(pool: ProcessPoolExecutor) -> None:
-    """Close this process's end for writing of the pipe of results, which only workers write to.
+def close_result_writer(pool: ProcessPoolExecutor) -> None:
+    """Close this process's write end of the results pipe, to which only workers write.
 
-    A worker that is killed while it writes a result leaves half of one, and the pool's thread waits for the rest for as
-    long as any process holds that end: for ever, where this process does. Workers have theirs already.
+    A worker that is killed while it writes a result leaves it incomplete. The pool's thread then waits for the rest as
+    long as any process has the write end open, that is for ever if this process has it. Workers have their own already.
 
     Args:
-        pool: all of its workers have been started; it cannot start another.
+        pool: pool whose workers have all been started; it cannot start another one afterwards.
     """
-    pool._result_queue._writer.close()  # type: ignore[attr-defined]  # the pool has no public way to
+    pool._result_queue._writer.close()  # type: ignore[attr-defined]  # the pool has no public method for it

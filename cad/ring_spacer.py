@@ -1,8 +1,8 @@
-"""The ring spacer: a printed ring in the base's recess that lifts the LED ring over the TPU flange.
+"""The ring spacer: a printed ring in the base's recess that raises the LED ring above the TPU flange.
 
-Endcap frame, millimetres; keeps its size at every diameter. It stands on the recess's floor and is held by two drops
-of glue. Printed as it stands: nothing hangs over but the 11 degree cone underneath, 0.7 mm high. All sizes here are
-our estimate (E) but the recess's (M, GEO17, GEO18).
+Endcap frame, millimetres; its size is the same at every diameter. It stands on the recess's floor and is fixed with two
+drops of glue. It is printed in this pose: only the 11 degree cone on its underside, 0.7 mm high, overhangs. All sizes
+are our estimate (E) except the recess's (M, GEO17, GEO18).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from cad.part import Part
 if TYPE_CHECKING:
     from cad.params import EndcapParams
 
-CLEARANCE_MM = 0.15  # E: a side, printed joint
+CLEARANCE_MM = 0.15  # E: on each side of the printed joint
 OUTER_RADIUS_MM = base.RECESS_RADIUS_MM - CLEARANCE_MM
 INNER_RADIUS_MM = 30.0  # clears the camera's board (corners at 22.5) and its view
-SEAT_Z_MM = 5.4  # back of the LED ring's board: its LEDs then shine over the 6 mm TPU flange
+SEAT_Z_MM = 5.4  # back of the LED ring's board: its LEDs lie above the 6 mm TPU flange
 LIP_RADIUS_MM = 31.4  # the lip centres the board
-LIP_HEIGHT_MM = 1.4  # under the board's 1.6, so that the lip casts no shadow
+LIP_HEIGHT_MM = 1.4  # less than the board's 1.6, so that the lip casts no shadow
 NOTCH_WIDTH_MM = 9.0  # for the plug under the board, at azimuth 90 degrees; also keeps the board from turning
-NOTCH_OUTER_RADIUS_MM = 37.0
-NOTCH_FLOOR_Z_MM = 0.8
-NOTCH_AZIMUTH_DEG = 90.0  # the side of a cable way
+NOTCH_OUTER_RADIUS_MM = 37.0  # outer end of the notch
+NOTCH_FLOOR_Z_MM = 0.8  # floor of the notch
+NOTCH_AZIMUTH_DEG = 90.0  # on the side of a cable hole
 
 
 def ring_spacer_part(params: EndcapParams) -> Part:

@@ -1,6 +1,6 @@
-"""What the arm adapter can be screwed to: one table, ``robot_sides.csv`` (millimetres; standard library only).
+"""Robot flanges that the arm adapter fits: table ``robot_sides.csv`` (millimetres; standard library only).
 
-Rows of the same ``pattern`` belong together: screws, a pin, or ``none`` for a blank side that you drill yourself.
+Rows of the same ``pattern`` belong together: screws, a pin, or ``none`` for a blank side that the user drills.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 TABLE = Path(__file__).with_name("robot_sides.csv")
-DEFAULT_ROBOT = "iso_9409_1_50_4_m6"
-ELEMENTS = ("screw", "pin", "none")
+DEFAULT_ROBOT = "iso_9409_1_50_4_m6"  # pattern where none is chosen
+ELEMENTS = ("screw", "pin", "none")  # accepted in column ``element``
 HUB_RADIUS_MM = 36.0  # E: 5 mm outside the heads of the flange's screws; clear of the M3 heads at the smallest D
 BORE_RADIUS_MM = 17.0  # E: takes the USB cable and its plug; 2.4 mm inside the heads of the flange's screws
 GROOVE_AZIMUTH_DEG, GROOVE_HALF_WIDTH_MM = 0.0, 6.0  # E: from the bore outward, between two arms, for the cable
-THICKNESS_MM = 20.0  # M: of the adapter; screws go through what is left of it under their heads
+THICKNESS_MM = 20.0  # M: of the adapter; less the head's pocket it is the grip of a screw
 LEAST_WALL_MM = 3.0  # E: PLA round a head
 LEAST_FLOOR_MM = 5.0  # E: PLA under a head
-LEAST_BEARING_MM = 1.0  # E: of a head on its floor, all round
-LEAST_PLAY_MM = 0.3  # S: ISO 273, fine series of M4 and M5: over the diameter of what goes in
+LEAST_BEARING_MM = 1.0  # E: width of a head's bearing ring on its floor
+LEAST_PLAY_MM = 0.3  # S: ISO 273, fine series of M4 and M5: hole's diameter less the screw's
 LEAST_RIB_MM = 0.8  # E: two lines of a 0.4 mm nozzle between two holes, a hole and the bore, a hole and the groove
-SCREW = re.compile(r"ISO 4762 M(\d+(?:\.\d+)?) x (\d+(?:\.\d+)?)\b")  # as it is ordered; thread and length in mm
-PIN = re.compile(r"ISO 2338 (\d+(?:\.\d+)?) m6\b")  # as it is ordered; its diameter in mm
-HEADS_MM = {4.0: 7.0, 5.0: 8.5, 6.0: 10.0, 8.0: 13.0}  # S: ISO 4762, thread -> head; a head is as high as its thread
-KEYS_MM = {4.0: 3.0, 5.0: 4.0, 6.0: 5.0, 8.0: 6.0}  # S: ISO 4762, thread -> hexagon
+SCREW = re.compile(r"ISO 4762 M(\d+(?:\.\d+)?) x (\d+(?:\.\d+)?)\b")  # an order; groups: thread and length, mm
+PIN = re.compile(r"ISO 2338 (\d+(?:\.\d+)?) m6\b")  # an order; group: diameter, mm
+HEADS_MM = {4.0: 7.0, 5.0: 8.5, 6.0: 10.0, 8.0: 13.0}  # S: ISO 4762, thread -> head; its height equals the thread
+KEYS_MM = {4.0: 3.0, 5.0: 4.0, 6.0: 5.0, 8.0: 6.0}  # S: ISO 4762, thread -> hexagon's width across flats
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ class RobotHoles:
 
     Attributes:
         element: ``screw`` or ``pin``.
-        count: how many, equally spaced.
-        circle_radius_mm: of their axes.
-        first_azimuth_deg: of the first.
-        hole_diameter_mm: through.
-        head_diameter_mm: of the pocket for the head, from above; 0 for none.
-        head_depth_mm: of that pocket.
-        flange_depth_mm: how deep a screw may enter the robot's flange at the most; 0 for a pin.
-        order_as: the screw or pin that goes in, as a shop knows it.
+        count: number of holes, equally spaced.
+        circle_radius_mm: radius of the circle of their axes, mm.
+        first_azimuth_deg: azimuth of the first hole, degrees.
+        hole_diameter_mm: diameter of the through hole, mm.
+        head_diameter_mm: diameter of the pocket for the head, from above, mm; 0 for none.
+        head_depth_mm: depth of that pocket, mm.
+        flange_depth_mm: largest depth to which a screw may enter the robot's flange, mm; 0 for a pin.
+        order_as: designation of the screw or pin for the order.
     """
 
     element: str
@@ -61,53 +61,53 @@ class RobotHoles:
 
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
-        """Axes (x, y)."""
+        """Axes (x, y) of the holes, mm in the endcap frame."""
         angles = [math.radians(self.first_azimuth_deg + 360.0 * k / self.count) for k in range(self.count)]
         return tuple((self.circle_radius_mm * math.cos(a), self.circle_radius_mm * math.sin(a)) for a in angles)
 
     @property
     def widest_mm(self) -> float:
-        """Radius of the hole or of its head's pocket, whichever is wider."""
+        """Radius of the hole or of its head's pocket, whichever is larger, mm."""
         return max(self.hole_diameter_mm, self.head_diameter_mm) / 2
 
     @property
     def body_mm(self) -> float:
-        """Diameter of what goes in: thread or pin, by its order."""
+        """Diameter of the thread or pin according to ``order_as``, mm."""
         return float(_ordered(self.element, self.order_as)[1])
 
     @property
     def head_mm(self) -> float:
-        """Diameter of a screw's head; 0 for a pin."""
+        """Diameter of a screw's head, mm; 0 for a pin."""
         return HEADS_MM[self.body_mm] if self.element == "screw" else 0.0
 
     @property
     def key_mm(self) -> float | None:
-        """Hexagon of a screw's head; None for a pin."""
+        """Width across flats of a screw's hexagon, mm; None for a pin."""
         return KEYS_MM[self.body_mm] if self.element == "screw" else None
 
     @property
     def grip_mm(self) -> float:
-        """What of the adapter lies under a screw's head."""
+        """Thickness of the adapter under a screw's head, mm."""
         return THICKNESS_MM - self.head_depth_mm
 
     @property
     def enters_mm(self) -> float:
-        """How deep a screw enters the robot's flange: its length less what it grips; 0 for a pin."""
+        """Depth to which a screw enters the robot's flange, its length less the grip, mm; 0 for a pin."""
         return float(_ordered(self.element, self.order_as)[2]) - self.grip_mm if self.element == "screw" else 0.0
 
     @property
     def ream_mm(self) -> float | None:
-        """Diameter H7 to ream a pin's hole to, which is printed no wider than the pin; None where it has room."""
+        """Diameter H7 to which a pin's hole, printed no wider than the pin, is reamed, mm; None for a wider hole."""
         return self.body_mm if self.element == "pin" and self.body_mm >= self.hole_diameter_mm else None
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row.
+    """One row of the table.
 
     Attributes:
-        pattern: name of the robot's side.
-        holes: None for a side without holes.
+        pattern: name of the pattern.
+        holes: its equal holes; None for a side without holes.
     """
 
     pattern: str
@@ -116,10 +116,10 @@ class Row:
 
 @cache
 def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
-    """All patterns: name -> holes (none for the blank side).
+    """All patterns: name -> holes (empty for the blank side).
 
     Raises:
-        FileError: a missing or unreadable table, naming the line.
+        FileError: the table is missing or unreadable; the message names the line.
     """
     sides: dict[str, list[RobotHoles]] = {}
 
@@ -136,10 +136,10 @@ def robot_sides() -> dict[str, tuple[RobotHoles, ...]]:
 
 
 def robot_side(robot: str) -> tuple[RobotHoles, ...]:
-    """The holes of one pattern.
+    """Holes of one pattern.
 
     Raises:
-        ParameterError: no such pattern; the message lists them.
+        ParameterError: there is no such pattern; the message lists all.
     """
     if robot not in robot_sides():
         raise ParameterError(
@@ -156,12 +156,12 @@ def fixing_words(robot: str) -> str:
 
 
 def entry_words(robot: str) -> str:
-    """How deep the screws enter the robot's flange: ``6 mm``; empty for the blank side."""
+    """Depth to which the screws enter the robot's flange, as text: ``6 mm``; empty for the blank side."""
     return ", ".join(f"{holes.enters_mm:g} mm" for holes in robot_side(robot) if holes.element == "screw")
 
 
 def ream_words(robot: str) -> str:
-    """What the pin's hole is reamed to: ``6 mm H7``; empty where it has room for its pin, or there is none."""
+    """Reamed diameter of the pin's hole, as text: ``6 mm H7``; empty where it is printed wider, or there is no pin."""
     return ", ".join(f"{holes.ream_mm:g} mm H7" for holes in robot_side(robot) if holes.ream_mm)
 
 
@@ -198,10 +198,10 @@ def _row(row: dict[str, str]) -> Row:
 
 
 def _ordered(element: str, order_as: str) -> re.Match[str]:
-    """Sizes of a screw or a pin as it is ordered.
+    """Match of the sizes in the order of a screw or a pin (:data:`SCREW`, :data:`PIN`).
 
     Raises:
-        ValueError: the order does not state them, or it is a screw of an unknown size.
+        ValueError: the order does not state them, or the size of the screw is unknown.
     """
     form, example = (PIN, "ISO 2338 6 m6 x 16") if element == "pin" else (SCREW, "ISO 4762 M6 x 20")
     found = form.match(order_as)
@@ -214,7 +214,7 @@ def _ordered(element: str, order_as: str) -> re.Match[str]:
 
 
 def _require_pin(holes: RobotHoles) -> None:
-    """Refuse a pin with a head, or one that does not go into its hole."""
+    """Refuse a pin with a head, or one that is wider than its hole."""
     if holes.head_diameter_mm or holes.head_depth_mm:
         raise ValueError(
             f"head_diameter_mm={holes.head_diameter_mm:g}, head_depth_mm={holes.head_depth_mm:g}: a pin has no head: "
@@ -228,7 +228,7 @@ def _require_pin(holes: RobotHoles) -> None:
 
 
 def _require_screw(holes: RobotHoles) -> None:
-    """Refuse a screw that does not go through its hole, whose head falls through it, stands out, or has no floor."""
+    """Refuse a screw that does not pass its hole, or whose head passes it, protrudes or has too thin a floor."""
     thread, hole, name = holes.body_mm, holes.hole_diameter_mm, f"ISO 4762 M{holes.body_mm:g}"
     least, most = thread + LEAST_PLAY_MM, holes.head_mm - 2 * LEAST_BEARING_MM
     if not least <= hole <= most:
@@ -250,7 +250,7 @@ def _require_screw(holes: RobotHoles) -> None:
 
 
 def _require_entry(holes: RobotHoles) -> None:
-    """Refuse a screw that holds in the robot's flange by less than its diameter, or that is too long for it."""
+    """Refuse a screw that engages the robot's flange by less than its diameter, or that is too long for it."""
     least = holes.body_mm
     if not least <= holes.enters_mm <= holes.flange_depth_mm:
         raise ValueError(
@@ -263,7 +263,7 @@ def _require_entry(holes: RobotHoles) -> None:
 def _require_apart(holes: RobotHoles, others: Sequence[RobotHoles]) -> None:
     """Refuse holes that open into the cable's groove or into other holes of their pattern.
 
-    Those of one row are apart where none opens into the groove: it leaves over 55 degrees between two of them.
+    Holes of one row need no check against each other: where none opens into the groove, they are over 55 degrees apart.
     """
     groove, places = math.radians(GROOVE_AZIMUTH_DEG), holes.places_mm
     for x, y in places:

@@ -1,7 +1,7 @@
-"""The shell: the silicone body as cast, reference for volume and mechanics.
+"""The shell: the silicone body as cast, the reference for volume and mechanics.
 
-As a solid it is the envelope of the cast, dents included, with the TPU flange outside it; the gyroid inside the wall
-is a mesh, so what the TPU displaces is subtracted from the shell's mesh (:mod:`fab.design`). Millimetres, endcap frame.
+The solid is the envelope of the cast with its dents, without the TPU flange. The gyroid inside the wall is a mesh, so
+that its TPU is subtracted from the shell's mesh (:mod:`fab.design`). Millimetres, endcap frame.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from cad.mold_layout import MoldLayout
 from cad.part import Part, Recipe
 from cad.solids import copied, cut_holes, drill, one_solid
 
-COLOR = (0.35, 0.72, 0.68)
+COLOR = (0.35, 0.72, 0.68)  # RGB, 0..1
 
 
 def shell_part(layout: MoldLayout, core: Solid) -> Part:
-    """Build the shell round a core.
+    """Build the shell round the mold core.
 
     Args:
         layout: mold sizes.

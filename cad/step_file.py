@@ -1,4 +1,4 @@
-"""STEP files (ISO 10303-21) that say the same thing in the same bytes, however often OCCT writes them.
+"""Reproducible STEP files (ISO 10303-21): the same content gives the same bytes each time OCCT writes it.
 
 OCCT's text changes from run to run in four places, none of them geometry: the header's path and time stamp, the
 translator's running count, the running count of assembly uses, and the order of the colours (a hash of addresses).
@@ -9,13 +9,13 @@ from __future__ import annotations
 import itertools
 import re
 
-STEP_TIME = "2000-01-01T00:00:00"  # what the header says instead of now
+STEP_TIME = "2000-01-01T00:00:00"  # time stamp in the header instead of the current time
 _STYLE_ROOT = "MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION("
 _STATEMENT = re.compile(r"#(\d+) = (.*?;)\n", re.DOTALL)
 
 
 def canonical_step(text: str) -> str:
-    """Bring a STEP file written by OCCT into the form that depends on its content alone.
+    """Convert a STEP file written by OCCT to a form that depends on its content alone.
 
     Args:
         text: a whole STEP file.
@@ -38,7 +38,7 @@ def canonical_step(text: str) -> str:
 
 
 def _sort_styles(text: str) -> str:
-    """Put the styles, which OCCT writes last, in the order of the solids they colour, and renumber them."""
+    """Sort the styles, which OCCT writes last, in the order of the solids that they colour, and renumber them."""
     start = re.search(r"^#\d+ = " + re.escape(_STYLE_ROOT), text, flags=re.MULTILINE)
     if start is None:
         return text
@@ -48,17 +48,17 @@ def _sort_styles(text: str) -> str:
     roots = [key for key, body in entities.items() if body.startswith(_STYLE_ROOT)]
 
     def reached(key: int) -> list[int]:
-        """Styles below one root, in the order of the text."""
+        """Numbers of the styles below one root, in the order of the text."""
         below = [int(ref) for ref in re.findall(r"#(\d+)", entities[key]) if int(ref) in entities]
         return [key, *(found for child in below for found in reached(child))]
 
     def targets(root: int) -> list[int]:
-        """Numbers outside the styles: what is coloured, and its context."""
+        """Numbers of the referenced entities that are not styles: the coloured solid and its context."""
         refs = (int(ref) for key in reached(root) for ref in re.findall(r"#(\d+)", entities[key]))
         return sorted(ref for ref in refs if ref not in entities)
 
     order = dict.fromkeys(key for root in sorted(roots, key=targets) for key in reached(root))
-    order.update(dict.fromkeys(sorted(entities)))  # nothing may get lost
+    order.update(dict.fromkeys(sorted(entities)))  # entities that no root references are kept, too
     number = {key: first + i for i, key in enumerate(order)}
     lines = [
         f"#{number[key]} = " + re.sub(r"#(\d+)", lambda m: f"#{number.get(int(m[1]), int(m[1]))}", entities[key]) + "\n"
@@ -68,5 +68,5 @@ def _sort_styles(text: str) -> str:
 
 
 def _one_line(statement: str) -> str:
-    """Undo the line breaks, which fall elsewhere when a number grows a digit."""
+    """Remove the line breaks, whose positions depend on the lengths of the numbers."""
     return re.sub(r"\n\s*", "", statement)

@@ -1,4 +1,4 @@
-"""The folder of exports, and a folder as people type it: a home folder that no shell put there (standard library)."""
+"""Default folder of exports, and the parser of typed folder names, which expands ``~`` (standard library only)."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from pathlib import Path
 from cad.errors import ParameterError
 from cad.plain_numbers import brief
 
-_ROOT = Path(__file__).resolve().parent.parent
-# In a checkout its own folder; where the wheel is installed, one in the current folder.
+_ROOT = Path(__file__).resolve().parent.parent  # folder of checkout or installed packages
+# The checkout's own folder; with an installed wheel, a folder in the current one.
 EXPORTS = str(_ROOT / "exports") if (_ROOT / "pyproject.toml").exists() else "exports"
 
 
 def typed_folder(text: str, name: str = "exports") -> Path:
-    """The folder that an option names; ``~`` is the home folder, which not every shell puts there.
+    """Folder that an option names; ``~`` is replaced by the home folder, because not every shell replaces it.
 
     Args:
-        text: value of the option. name: of the option.
+        text: value of the option.
+        name: name of the option, for the message.
 
     Raises:
-        ParameterError: a name too long for any folder, a link that leads to itself, a place that cannot be entered, or
-            one whose name is no UTF-8: the kernel would write beside it, or not at all.
+        ParameterError: the name is too long, is a link to itself, leads to a folder that cannot be entered, or is not
+            UTF-8, in which case the kernel would write elsewhere or not at all.
     """
     try:
         folder = Path(text).expanduser()
         place = folder.resolve()
-        with suppress(FileNotFoundError, NotADirectoryError):  # a folder that is not there yet is none of this
-            folder.stat()  # Python 3.13 resolves a link that leads to itself without a word
+        with suppress(FileNotFoundError, NotADirectoryError):  # a folder that does not exist yet is accepted
+            folder.stat()  # Python 3.13 resolves a link to itself without an error
     except (OSError, RuntimeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself, or no such user"
         raise ParameterError(

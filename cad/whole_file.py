@@ -1,10 +1,10 @@
-"""Files and new folders that appear whole or not at all: the one place that renames (standard library only).
+"""Atomic writing of files and new folders: they appear complete or not at all (standard library only).
 
-A folder that exists and keeps what is the user's in it is the work of :mod:`fab.exports.whole_folder`.
+:mod:`fab.exports.whole_folder` writes into existing folders, in which the user's own files remain.
 
 Notes:
-    A folder is filled under a hidden name beside the final one. The process holds a lock (flock) on it, and the system
-    frees the lock when the process ends, however it ends: unlocked hidden folders are swept at the next start.
+    A folder is filled under a hidden name next to the final one. The process holds a lock (flock) on it, which the
+    system releases whenever and however the process ends: unlocked hidden folders are removed at the next start.
 """
 
 from __future__ import annotations
@@ -21,19 +21,21 @@ from typing import IO
 
 from cad.errors import FileError
 
-MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)
-READABLE = 0o644  # less what the user's umask takes
-PRIVATE = 0o600
+MEDIUM_FULL = (errno.ENOSPC, errno.EDQUOT)  # error numbers of a full disk or quota
+READABLE = 0o644  # permissions, before the user's umask
+PRIVATE = 0o600  # permissions of files for the user alone
 
 
 def replace_file(path: Path, data: bytes, fix: str = "give a folder that exists and may be written") -> None:
-    """Write under a temporary name, then rename.
+    """Write a file under a temporary name, then rename it.
 
     Args:
-        path: the file; an older one is replaced. data: its content. fix: last part of the message.
+        path: the file; an existing one is replaced.
+        data: its content.
+        fix: remedy, the last part of the message.
 
     Raises:
-        FileError: the place cannot be written.
+        FileError: the file cannot be written.
     """
     try:
         put_file(path, data)
@@ -43,15 +45,16 @@ def replace_file(path: Path, data: bytes, fix: str = "give a folder that exists 
 
 
 def put_file(path: Path, data: bytes, mode: int = READABLE, durable: bool = False) -> None:
-    """The same for callers who have a message of their own.
+    """Write a file as :func:`replace_file` does, for callers with an error message of their own.
 
     Args:
-        path, data: the file and its content.
-        mode: permissions, from its first byte on.
-        durable: wait until the disk has it, before it takes its name.
+        path: the file; an existing one is replaced.
+        data: its content.
+        mode: permissions, which hold from the first byte on.
+        durable: whether the data is synchronised to the disk before the file is renamed.
 
     Raises:
-        OSError: the place cannot be written; what stood there stands.
+        OSError: the file cannot be written; an existing one remains.
     """
     temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
     try:
@@ -67,10 +70,10 @@ def put_file(path: Path, data: bytes, mode: int = READABLE, durable: bool = Fals
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and those above it, where they are not there.
+    """Make a folder and its missing parents.
 
     Raises:
-        FileError: it cannot be made.
+        FileError: the folder cannot be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -79,13 +82,13 @@ def make_folder(path: Path) -> None:
 
 
 def require_place(path: Path) -> None:
-    """Say at once, before long work, whether a file can be written.
+    """Refuse a file that cannot be written, before long work begins.
 
     Args:
-        path: where it will be.
+        path: path of the future file.
 
     Raises:
-        FileError: a folder is there, or its folder is not there or cannot be written.
+        FileError: the path is a folder, or its folder does not exist or cannot be written.
     """
     try:
         if path.is_dir():
@@ -96,10 +99,10 @@ def require_place(path: Path) -> None:
 
 
 def probe_folder(folder: Path) -> None:
-    """Write a few bytes into a folder and take them away.
+    """Check that a folder can be written: write a few bytes into it and remove them.
 
     Raises:
-        OSError: it is not there, full or cannot be written.
+        OSError: the folder does not exist, is full or cannot be written.
     """
     probe = folder / f".probe-{secrets.token_hex(4)}"
     try:
@@ -110,7 +113,7 @@ def probe_folder(folder: Path) -> None:
 
 @contextmanager
 def drafted(path: Path) -> Iterator[Path]:
-    """A name beside ``path``, with its suffix, for a library that writes by name; it becomes ``path`` at the end.
+    """Yield a temporary name with the suffix of ``path``, to which the file is renamed at the end.
 
     Raises:
         OSError: the place cannot be written.
@@ -125,10 +128,11 @@ def drafted(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A folder to fill that takes the name of a new or empty one at the end; without a trace after an error.
+    """Yield a hidden folder to fill, which is renamed to ``path`` at the end and removed after an error.
 
     Raises:
-        FileError: something is there. OSError: the place cannot be written.
+        FileError: the path is neither free nor an empty folder.
+        OSError: the folder cannot be written.
     """
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise FileError(f"{path}: is there and not an empty folder: choose a new one")
@@ -144,34 +148,35 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def locked_folder(final: Path) -> tuple[Path, int]:
-    """A new hidden folder beside the final one, and the file descriptor that holds its lock.
+    """Make a hidden folder next to the final one; returns it and the file descriptor that holds its lock.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: the folder cannot be made.
     """
     while True:
         partial = final.with_name(f".{final.name}.partial-{secrets.token_hex(4)}")
         partial.mkdir()
         lock = _try_lock(partial)
-        if lock is not None and partial.exists():  # another process may have swept it before it was locked
+        if lock is not None and partial.exists():  # another process may have removed it before it was locked
             return partial, lock
 
 
 def remove_partial(parent: Path, name: str | None = None) -> None:
-    """Remove the hidden folders of runs that were killed before they were done.
+    """Remove the hidden folders of runs that were killed.
 
     Args:
-        parent: where they lie. name: of the folder that they would have become; all by default.
+        parent: folder that contains them.
+        name: name of the final folder whose hidden ones are removed; by default, those of all.
     """
     for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as free:
+            if free:
                 shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
-def lock_of_the_dead(folder: Path) -> Iterator[bool]:
-    """Whether no living process holds a folder; inside the context, this one does."""
+def lock_if_free(folder: Path) -> Iterator[bool]:
+    """Yield whether no running process has locked a folder; if so, this process holds the lock inside the context."""
     lock = _try_lock(folder)
     try:
         yield lock is not None
@@ -181,12 +186,13 @@ def lock_of_the_dead(folder: Path) -> Iterator[bool]:
 
 
 def hold_lock(path: Path) -> IO[str]:
-    """An open lock file that this process alone holds until it is closed.
+    """Open a lock file that this process alone holds until the file is closed.
 
-    What stands there is neither followed nor emptied: a link could lead to any file of the user's.
+    An existing file is not truncated and a link is not followed, because it could lead to any file of the user.
 
     Raises:
-        BlockingIOError: another process holds it. OSError: it cannot be written, or is a link.
+        BlockingIOError: another process holds the lock.
+        OSError: the file cannot be written, or is a link.
     """
     import fcntl
 
@@ -203,8 +209,8 @@ def hold_lock(path: Path) -> IO[str]:
 
 
 def _try_lock(folder: Path) -> int | None:
-    """Descriptor that holds the lock of a folder; ``None`` where another process holds it, or the folder has gone."""
-    import fcntl  # not on every system; files alone need none of it
+    """Descriptor that holds the lock of a folder; ``None`` where another process holds it or the folder is missing."""
+    import fcntl  # missing on some systems, which can still write files
 
     try:
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

@@ -18,7 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from cad.errors import EndcapError
-from cad.pools import let_a_cut_result_end
+from cad.pools import close_result_writer
 from fab.exports.whole_folder import ENDING_SIGNALS
 
 PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
@@ -65,7 +65,7 @@ def worker_pool(count: int) -> Iterator[Executor]:
     with ProcessPoolExecutor(count, context, _start_worker, (os.getpid(),)) as pool:
         for _ in range(count):
             pool.submit(os.getpid)
-        let_a_cut_result_end(pool)
+        close_result_writer(pool)
         try:
             yield pool
         except BaseException as error:

@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE_LINES, FUNCTION_LINES = 300, 40
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")
 PUBLIC = ("cad", "endcap", "fab", "sensing")
+ONE_A_LINE = ("cad", "fab/checks", "fab/exports", "fab/meshing", "fab/pictures", "fab/steps", "sensing")
 
 
 def sources(packages: tuple[str, ...]) -> dict[str, str]:
@@ -104,7 +105,7 @@ def _public(tree: ast.Module):
 
 @pytest.mark.parametrize(
     ("over", "packages"),
-    [(long_files, PACKAGES), (long_functions, PACKAGES), (without_args, PUBLIC), (args_not_parsed, ("sensing",))],
+    [(long_files, PACKAGES), (long_functions, PACKAGES), (without_args, PUBLIC), (args_not_parsed, ONE_A_LINE)],
 )
 def test_nothing_is_over_the_limits(over, packages):
     found = over(sources(packages))

@@ -1,7 +1,7 @@
-"""The bumps of the mold core, found on its meshes and compared with the pattern of dots.
+"""Checks of the mold core's bumps, which are found on its meshes and compared with the pattern of dots.
 
-Found without the pattern: what rises above the inner sphere is joined into patches, along the edges of facets and over
-all pieces, because a seam may run through a bump. Millimetres, endcap frame.
+The pattern is not used to find them: corners above the inner sphere are joined into patches, along the edges of facets
+and over all pieces, because a seam may cross a bump. Millimetres, endcap frame.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from cad.mold_layout import MoldLayout
 from cad.pattern import LEAST_BRIDGE_MM
 from fab.checks.check import Check
 
-RISE_MM = 0.03  # above the sphere: more than a facet's chord error, less than any bump
-REACH_MM = LEAST_BRIDGE_MM / 2  # joins the halves of a cut bump, and no two bumps
-# Cosine of a facet's normal to the radius. Flanks of bumps lean by 33 degrees at most (0.83); the core's joints have
-# upright walls, no farther from the axis than 0.77 of the inner radius at any size.
+RISE_MM = 0.03  # least height above the sphere: more than a facet's chord error, less than any bump
+REACH_MM = LEAST_BRIDGE_MM / 2  # distance at which corners are joined: halves of a cut bump, but no two bumps
+# Least cosine between a facet's normal and the radius. Flanks of bumps are inclined by at most 33 degrees (0.83); the
+# core's joints have walls parallel to the axis, at most 0.77 of the inner radius from it at any size.
 FACING = 0.8
-POSITION_MM = 0.05
-HEIGHT_MM = 0.03
-RADIUS_MM = 0.1
+POSITION_MM = 0.05  # largest accepted errors of a bump's summit,
+HEIGHT_MM = 0.03  # of its height above the inner sphere,
+RADIUS_MM = 0.1  # and of its circle on the inner sphere
 
 
 def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[Check]:
-    """Number of the bumps, and the worst errors of their position, height and radius.
+    """Checks of the number of bumps and of their worst errors of position, height and radius.
 
-    A sphere is fitted to each patch; its summit and its circle on the inner sphere are the bump's.
+    A sphere is fitted to each patch; its summit and its intersection with the inner sphere are those of the bump.
     """
     params = layout.params
     risen, edges = _risen(layout, pieces)
@@ -52,7 +52,7 @@ def bump_checks(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> list[C
 
 
 def _summit_and_radius(points: np.ndarray, inner_radius_mm: float) -> np.ndarray:
-    """Summit (3) and footprint radius of the sphere through a patch's points (n, 3), as four numbers.
+    """Sphere through a patch's points (n, 3): summit (x, y, z) and radius of its footprint, as four numbers in mm.
 
     Notes:
         Linear least squares for the sphere: |p|^2 = 2 c.p + (r^2 - |c|^2). The footprint follows from the law of
@@ -68,9 +68,10 @@ def _summit_and_radius(points: np.ndarray, inner_radius_mm: float) -> np.ndarray
 
 
 def _risen(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
-    """Corners above the inner sphere (n, 3), from its centre, and the edges of facets between them (m, 2).
+    """Corners above the inner sphere (n, 3), relative to its centre, mm, and the edges between them (m, 2) as indices.
 
-    Corners of the walls that a joint leaves inside a bump are not of its surface: no facet round them faces outward.
+    Corners of the walls that a joint makes inside a bump do not belong to its surface: none of their facets face
+    outward.
     """
     params = layout.params
     floor = params.flange_thickness_mm - params.centre_height_mm
@@ -87,10 +88,11 @@ def _risen(layout: MoldLayout, pieces: Iterable[trimesh.Trimesh]) -> tuple[np.nd
 
 
 def _facing_out(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
-    """Which corners (mask) have a facet that faces away from the inner sphere's centre.
+    """Mask (n,) of the corners with a facet that faces away from the inner sphere's centre.
 
     Args:
-        mesh: of the piece. points: (n, 3) its corners, from the inner sphere's centre.
+        mesh: mesh of the piece.
+        points: (n, 3) corners of the mesh relative to the inner sphere's centre, mm.
     """
     normals = np.repeat(mesh.face_normals, 3, axis=0)
     corners = mesh.faces.ravel()
@@ -101,7 +103,7 @@ def _facing_out(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 
 
 def _patches(points: np.ndarray, edges: np.ndarray, reach_mm: float) -> list[np.ndarray]:
-    """Groups of points that edges join, or that lie no farther apart than a reach, as index arrays."""
+    """Connected groups of points as index arrays; edges or distances of at most ``reach_mm`` connect points."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

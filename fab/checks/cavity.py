@@ -1,8 +1,8 @@
-"""What the closed mold encloses: balance of volumes, thickness of the wall, leaks at the joints, trapped air.
+"""Checks of the closed mold's cavity: balance of volumes, thickness of the wall, leak at the joints, trapped air.
 
-Balance, wall and hollows are measured on the meshes as read back from their files, against the shell's solid or closed
-forms. What leaks, and the air under the flat flange, are closed forms of the sizes alone. Millimetres, endcap frame;
-the mold is poured with +z down.
+Balance, wall and hollows are measured on the meshes as read back from their files, and compared with the shell's solid
+or with closed forms. The leak and the air under the flat flange are closed forms of the sizes alone. Millimetres,
+endcap frame; the silicone is poured with +z down.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from fab.checks.core_filler import FACETS, core_filler
 from fab.meshing.gyroid import volume_above
 from fab.meshing.mesh import to_manifold
 
-BALANCE_RATIO = 5e-4
-WALL_ERROR_MM = 0.02
-OUTSIDE_MM = 0.05  # the cavity is looked for this far outside its nominal surfaces,
-INSIDE_MM = 0.1  # and this far inside the core: deep enough to see a gap, shallow enough not to count the joints
-WALL_SAMPLES = 3000
-LEVEL_DEG = 1.0  # E: a table levelled by eye
-# E: a film of less than 0.1 mm at the gyroid's foot; a hundredth of the least air that the weight of a cast shows
+BALANCE_RATIO = 5e-4  # largest accepted difference of volumes over the shell's volume
+WALL_ERROR_MM = 0.02  # largest accepted deviation of the wall from T
+OUTSIDE_MM = 0.05  # the cavity is searched this far outside its nominal surfaces,
+INSIDE_MM = 0.1  # and this far inside the core: enough to find a gap, too little to count the joints
+WALL_SAMPLES = 3000  # bundles of rays
+LEVEL_DEG = 1.0  # E: tilt of a table that is levelled by eye
+# E: a film of less than 0.1 mm at the gyroid's foot; a hundredth of the least air that weighing a cast detects
 FLANGE_AIR_MM3 = 15.0
-SLIT_RAYS = 2  # rays of a bundle that lie before the one that measures
+SLIT_RAYS = 2  # rays before the measuring one, in order from the surface into slits: it is the third
 BUNDLE_MM = 0.5  # radius of a bundle of rays: well over a joint's gap, well under a dot
-SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
-FACING = 0.95  # cosine of a facet's normal to the radius
-# E: air of a hollow that is no trap, a bubble 0.58 mm across: the 0.2 mm steps of the printed gyroid, which the smooth
-# mesh does not have, hold as much along 5 mm of one layer (0.2 x 0.2 / 2 mm2 across, where the roof slopes by 45 deg).
+SURFACE_MM = 0.05  # largest distance of facets from the surface that they approximate
+FACING = 0.95  # least cosine between a facet's normal and the radius
+# E: least air of a hollow that counts as a trap, a bubble 0.58 mm across: the 0.2 mm steps of the printed gyroid, which
+# the smooth mesh lacks, hold as much along 5 mm of one layer (0.2 x 0.2 / 2 mm2 in section, roof sloping by 45 deg).
 TRAP_MM3 = 0.1
-HOLLOWS_MM3 = 1.0  # E: all such hollows together; as much as one void of the gyroid may hold
-LEVEL_MM = 1e-3  # vertices this near in height are on one level: facets of a flat roof or a ring
+HOLLOWS_MM3 = 1.0  # E: sum of all smaller hollows; as much as one void of the gyroid may hold
+LEVEL_MM = 1e-3  # vertices closer in height than this form one level: a flat roof or a ring
 
 
 def balance_check(
@@ -54,17 +54,17 @@ def balance_check(
     shell_volume_mm3: float,
     opened: manifold3d.Manifold | None = None,
 ) -> Check:
-    """Cavity less core less TPU against the shell, as a ratio.
+    """Check that cavity less core less TPU equals the shell, as a ratio of volumes.
 
-    The TPU in the cavity is all of it above the flange: that none of it lies in the pieces is the mold's overlap check,
-    that it keeps to its zone a check of the gyroid. So its volume is a sum over its facets, and no boolean is needed.
+    All TPU above the flange counts as TPU in the cavity: other checks prove that it does not overlap the pieces and
+    that it lies inside its zone. Its volume is therefore a sum over its facets, and no boolean is needed.
 
     Args:
         layout: mold sizes.
         pieces: meshes of cup and core.
         interface: mesh of the TPU interface with its gyroid.
-        shell_volume_mm3: volume of the shell's solid less the TPU above the flange.
-        opened: what :func:`opened_space` gave for the pieces, where it is known.
+        shell_volume_mm3: volume of the shell's solid less the TPU above the flange, mm3.
+        opened: result of :func:`opened_space` for the pieces, if available.
     """
     free = cavity_body(layout, pieces, opened=opened).volume()
     tpu = volume_above(interface, layout.params.flange_thickness_mm)
@@ -72,7 +72,7 @@ def balance_check(
 
 
 def opened_space(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> manifold3d.Manifold:
-    """The space inside the cup and above the flange that no piece of cup or core fills, joints and all."""
+    """Space inside the cup and above the flange that no piece of cup or core fills, joints included."""
     params = layout.params
     centre = [0.0, 0.0, params.centre_height_mm]
     ball = manifold3d.Manifold.sphere(params.outer_radius_mm + OUTSIDE_MM, FACETS).translate(centre)
@@ -87,25 +87,26 @@ def cavity_body(
     flash_mm: float = INSIDE_MM,
     opened: manifold3d.Manifold | None = None,
 ) -> manifold3d.Manifold:
-    """The space between the pieces of cup and core above the flange, with ``flash_mm`` of the joints next to it.
+    """Space between the pieces of cup and core above the flange, with the adjacent ``flash_mm`` of the core's joints.
 
     Args:
         layout: mold sizes.
         pieces: meshes of cup and core.
-        flash_mm: how deep the joints between the core's pieces are left open.
-        opened: what :func:`opened_space` gave for the pieces, where it is known.
+        flash_mm: depth to which the joints between the core's pieces count as space, mm.
+        opened: result of :func:`opened_space` for the pieces, if available.
     """
     space = opened_space(layout, pieces) if opened is None else opened
     return space - core_filler(layout, flash_mm)
 
 
 def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Check:
-    """Largest deviation of the wall from T, sampled on bundles of rays from the sphere's centre.
+    """Check of the wall's largest deviation from T, sampled on bundles of rays from the sphere's centre.
 
-    Left out, as the wall is not T there by design: the bumps and the ramp at the rim. A joint is a slit, which lets
-    rays through: always too far into the core, and too far out of the cup. Where slits meet, and where one of the core
-    crosses one of the cup, up to four of a bundle's seven rays may pass a slit of their own side, so each side is
-    measured by itself, at its third ray: three agree on a surface that is there.
+    Bumps and the ramp at the rim are excluded, because the wall is not T there by design. A ray that enters a joint's
+    slit hits too far inside the core or too far outside the cup. Where slits meet, and where one of the core crosses
+    one of the cup, up to four of a bundle's seven rays may enter a slit of one side. Each side is therefore measured
+    separately, at the third largest (core) or third smallest (cup) of its seven distances: at least three rays hit the
+    surface.
     """
     params = layout.params
     rng = np.random.default_rng(0)
@@ -128,20 +129,20 @@ def wall_check(layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh]) -> Che
 
 
 def leak_check(layout: MoldLayout, shell_volume_mm3: float) -> Check:
-    """Share of the pour that could creep through the bowl's joints before it sets (:mod:`cad.leak`)."""
+    """Check of the share of the pour that could leak through the bowl's joints in its pot life (:mod:`cad.leak`)."""
     row = silicone(layout.silicone)
     ratio = leak_ratio(layout.params, row, layout.joint_clearance_mm, layout.bowl_wall_mm, shell_volume_mm3)
     return Check("cavity.leak_ratio", ratio, high=LEAK_RATIO)
 
 
 def trapped_air_checks(layout: MoldLayout, shell: trimesh.Trimesh) -> list[Check]:
-    """Hollows of the cast's roofs, vents left out, where a bubble that rises along the surface would stay.
+    """Checks of the hollows in the cast's roofs, vents excluded, in which a bubble rising along the surface would stay.
 
-    Poured with +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a
-    ring), whose neighbours all lie deeper, and above which (outside the cast) is mold, holds air, unless it is on the
-    flange's level, where the vents are. The air is what the hollow holds up to where it spills. Facets of a saddle make
-    hollows of some thousandths of a cubic millimetre (the gyroid is all saddles), so a hollow counts as a trap from
-    :data:`TRAP_MM3` on, and the air of those that do not count is bounded by itself.
+    With +z down, air moves to lower z. A vertex of the cast, or a patch of vertices on one level (a flat roof, a ring),
+    retains air if all its neighbours lie deeper and the mold is above it (outside the cast), unless it is on the
+    flange's level, where the vents are. The volume of air is that of the hollow up to its spill height. Facets of a
+    saddle form hollows of some thousandths of a mm3, and the gyroid consists of saddles; a hollow therefore counts as a
+    trap from :data:`TRAP_MM3` on, and the sum of the smaller ones has a limit of its own.
     """
     volumes = hollows_mm3(shell, layout.params.flange_thickness_mm + 0.01)
     small = volumes <= TRAP_MM3
@@ -152,11 +153,11 @@ def trapped_air_checks(layout: MoldLayout, shell: trimesh.Trimesh) -> list[Check
 
 
 def hollows_mm3(shell: trimesh.Trimesh, above_mm: float) -> np.ndarray:
-    """Air (n,) that each hollow above a height holds; infinite where it has no way to rise past.
+    """Volumes of air (n,) in the hollows above a height, mm3; infinite for a hollow without a spill height.
 
     Args:
-        shell: the cast; poured with +z down.
-        above_mm: hollows at lower z are left out: there the vents are.
+        shell: mesh of the cast; it is poured with +z down.
+        above_mm: height z, mm; hollows at lower z, where the vents are, are ignored.
     """
     z = np.asarray(shell.vertices[:, 2])
     first, second = np.asarray(shell.edges_unique).T
@@ -167,7 +168,7 @@ def hollows_mm3(shell: trimesh.Trimesh, above_mm: float) -> np.ndarray:
     np.minimum.at(top, patch, z)
     for inside, outside in ((first[~level], second[~level]), (second[~level], first[~level])):
         np.minimum.at(around, patch[inside], z[outside])
-    # the mold lies on the upper side, as the machine is poured
+    # the mold lies above, in the pose of the pour
     roofed = np.bincount(patch, weights=shell.vertex_normals[:, 2] < 0, minlength=number) > 0
     summits = np.flatnonzero(roofed & (around > top) & (top > above_mm))
     if len(summits) == 0:
@@ -184,20 +185,20 @@ def hollows_mm3(shell: trimesh.Trimesh, above_mm: float) -> np.ndarray:
     for summit in summits:
         basin, spill = _basin(links, z, members[summit])
         near = np.unique(at[basin].indices)
-        # a plane's mean of positive heads is no more than that of its corners': never too little air
+        # a plane's mean positive head is at most that of its corners: the air is never underestimated
         heads = np.maximum(spill - z[faces[near]], 0.0).mean(axis=1)
         volumes.append(float((flat[near] * heads).sum()) if math.isfinite(spill) else math.inf)
     return np.array(volumes)
 
 
 def _basin(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> tuple[list[int], float]:
-    """Vertices of the hollow round a summit, and the height at which its air spills; infinite where it cannot."""
+    """Vertices of the hollow round a summit, and its spill height z; infinite where its air cannot spill."""
     top = spill = float(z[summit].min())
     seen = set(summit.tolist())
     heap = [(float(z[vertex]), vertex) for vertex in seen]
     heapify(heap)
     passed: list[int] = []
-    filled = 0  # of those passed, how many lie in the hollow: the rest are on the way up beyond its spill
+    filled = 0  # number of passed vertices that lie in the hollow; the others lie beyond its spill height
     while heap:
         height, vertex = heappop(heap)
         if height < top:
@@ -213,7 +214,7 @@ def _basin(links: csr_matrix, z: np.ndarray, summit: np.ndarray) -> tuple[list[i
 
 
 def flange_air_check(layout: MoldLayout) -> Check:
-    """Air that stays under the flat flange between two vents when the mold stands off level by :data:`LEVEL_DEG`."""
+    """Check of the air that stays under the flat flange between two vents of a mold tilted by :data:`LEVEL_DEG`."""
     vents = len(vent_azimuths_deg())
     params = layout.params
     outer = math.sqrt(
@@ -226,18 +227,18 @@ def flange_air_check(layout: MoldLayout) -> Check:
 
 
 def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float) -> float:
-    """Trapped air under a flat ceiling of radius ``outer_mm`` with vents at its edge, tilted so that the middle between
-    two vents is highest: the worst direction.
+    """Air trapped under a flat tilted ceiling with vents at its edge, mm3.
 
-    Air flows along the ceiling to its highest place and out where a vent reaches as high. What lies higher than the
-    nearer ends of both vents, x > x0 = R cos(pi / n - a) with a = vent / (2 R), stays:
+    The tilt has the worst direction, in which the middle between two vents is highest. Air flows along the ceiling to
+    its highest place and leaves through a vent that is as high. The air above the nearer ends of both vents,
+    x > x0 = R cos(pi / n - a) with a = vent / (2 R), stays:
     V = tan(tilt) (2/3 (R^2 - x0^2)^(3/2) - x0 (R^2 acos(x0 / R) - x0 sqrt(R^2 - x0^2))).
 
     Args:
-        outer_mm: radius of the ceiling's edge R.
-        vents: how many, equally spaced, n.
-        vent_mm: diameter of a vent.
-        tilt_deg: off level.
+        outer_mm: radius R of the ceiling's edge, mm.
+        vents: number n of vents, equally spaced.
+        vent_mm: diameter of a vent, mm.
+        tilt_deg: tilt of the ceiling, degrees.
     """
     start = outer_mm * math.cos(math.pi / vents - vent_mm / (2 * outer_mm))
     half_chord = math.sqrt(outer_mm**2 - start**2)
@@ -246,7 +247,7 @@ def flange_air_mm3(outer_mm: float, vents: int, vent_mm: float, tilt_deg: float)
 
 
 def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Faces (mask) of a cup segment that shape the silicone: on the outer sphere, and looking at its centre."""
+    """Mask of a cup segment's faces that shape the silicone: on the outer sphere, with normals toward its centre."""
     outward = mesh.triangles_center - np.array([0.0, 0.0, layout.params.centre_height_mm])
     distance = np.linalg.norm(outward, axis=1)
     facing_in = np.einsum("ij,ij->i", mesh.face_normals, outward) < -FACING * distance
@@ -254,7 +255,7 @@ def cavity_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _joined(pieces: Mapping[str, trimesh.Trimesh], prefix: str) -> trimesh.Trimesh:
-    """All pieces of a kind as one mesh, for rays."""
+    """All pieces whose names begin with ``prefix`` as one mesh, for rays."""
     meshes = [mesh for name, mesh in pieces.items() if name.startswith(prefix)]
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
@@ -262,7 +263,7 @@ def _joined(pieces: Mapping[str, trimesh.Trimesh], prefix: str) -> trimesh.Trime
 
 
 def _bundles(directions: np.ndarray, spread: float) -> np.ndarray:
-    """Seven unit vectors (n, 7, 3) on a narrow cone round each direction (n, 3)."""
+    """Seven unit vectors (n, 7, 3) round each direction (n, 3), on a cone of half angle atan(``spread``)."""
     helper = np.eye(3)[np.abs(directions).argmin(axis=1)]
     first = np.cross(directions, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -276,7 +277,7 @@ def _bundles(directions: np.ndarray, spread: float) -> np.ndarray:
 def _radii(
     mesh: trimesh.Trimesh, origin: np.ndarray, directions: np.ndarray, pick: np.ufunc, start: float
 ) -> np.ndarray:
-    """Distance from the origin at which each ray (n, 3) meets a mesh: the largest or the smallest of the hits."""
+    """Distances (n,) from the origin at which rays (n, 3) meet a mesh, mm: ``pick`` selects among a ray's hits."""
     places, rays, _ = mesh.ray.intersects_location(np.tile(origin, (len(directions), 1)), directions)
     radii = np.full(len(directions), start)
     pick.at(radii, rays, np.linalg.norm(places - origin, axis=1))

@@ -1,7 +1,7 @@
 """The record of one check.
 
-A check is a number with limits; it gates the export. Nothing is loosened to pass: limits are stated where the check is
-made, with their reason.
+A check is a number with limits; the export is written only if all checks pass. The limits and their reasons stand in
+the module that makes the check, and are not loosened to make an export pass.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ class Check:
     """One gate.
 
     Attributes:
-        name: what was checked, ``subject.quantity_unit``.
-        value: the measured number.
+        name: name of the check, ``subject.quantity_unit``.
+        value: measured number, in the unit of the name.
         low: smallest accepted value.
         high: largest accepted value.
     """
@@ -31,12 +31,12 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether the value lies within the limits (a NaN never does)."""
+        """Whether the value lies within the limits (NaN never does)."""
         return bool(self.low <= self.value <= self.high)
 
     @property
     def limit(self) -> str:
-        """The limits in words, for reports."""
+        """The limits as text, for reports."""
         if self.low == self.high:
             return f"= {self.low:g}"
         if math.isinf(self.low):
@@ -46,12 +46,12 @@ class Check:
         return f"{self.low:g} .. {self.high:g}"
 
     def record(self, figures: int) -> dict[str, object]:
-        """The check as written to JSON, its value to so many figures."""
+        """The check as plain JSON, its value rounded to ``figures`` significant figures."""
         return {"name": self.name, "value": float(f"{self.value:.{figures}g}"), "limit": self.limit, "ok": self.ok}
 
 
 class ChecksFailedError(EndcapError):
-    """A check did not hold, so nothing was written.
+    """A check failed, so that nothing was written.
 
     Attributes:
         lines: name, value and limit of every check that failed.
@@ -63,10 +63,10 @@ class ChecksFailedError(EndcapError):
 
 
 def require_passed(checks: Sequence[Check], where: str) -> None:
-    """Stop where a check failed.
+    """Raise an error if a check failed.
 
     Raises:
-        ChecksFailedError: it names each one, its value and limit.
+        ChecksFailedError: a check failed; the error lists name, value and limit of each failed check.
     """
     failed = tuple(f"{check.name} = {check.value:.6g}, wanted {check.limit}" for check in checks if not check.ok)
     if failed:

@@ -1,7 +1,7 @@
-"""What fills the joints between the core's pieces, so that what is left of the cavity is the cast (mm, endcap frame).
+"""Bodies that fill the joints between the core's pieces, so that the rest of the cavity is the cast (mm, endcap frame).
 
-Silicone creeps into the joints and sets there as flash, which gives way and is trimmed: only what lies next to the
-core's surface counts as cast.
+Silicone leaks into the joints and cures there as flash, which yields and is trimmed: only flash next to the core's
+surface counts as cast.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 
-FACETS = 256  # on a circle: 0.01 mm of chord, well under the depths that are left open
-BUMP_FACETS = 48  # on a bump's circle: 0.01 mm of chord at a dot of 4 mm
-BUMP_RINGS = 8  # from a bump's foot to its summit: 0.001 mm
+FACETS = 256  # of a circle: 0.01 mm of chord error, far less than the depths that stay open
+BUMP_FACETS = 48  # of a bump's circle: 0.01 mm of chord error at a dot of 4 mm
+BUMP_RINGS = 8  # from a bump's foot to its summit: 0.001 mm of chord error
 
 
 def core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
-    """A body that lies so far inside the core without its bumps.
+    """Body of the core without its bumps, offset inward.
 
     Args:
-        layout: mold sizes. inside_mm: how deep the joints are left open.
+        layout: mold sizes.
+        inside_mm: offset, the depth to which the joints stay open, mm.
     """
     params, slope = layout.params, np.tan(np.radians(layout.ramp_deg))
     radius, centre = params.inner_radius_mm - inside_mm, params.centre_height_mm
@@ -40,10 +41,11 @@ def core_filler(layout: MoldLayout, inside_mm: float) -> manifold3d.Manifold:
 
 
 def bump_fillers(params: EndcapParams, inside_mm: float) -> manifold3d.Manifold:
-    """Bodies that lie so far inside the bumps, the lower ends below the surface of :func:`core_filler`.
+    """Bodies of the bumps, offset inward; their lower ends lie below the surface of :func:`core_filler`.
 
     Args:
-        params: the design. inside_mm: how deep the joints are left open.
+        params: design of the endcap.
+        inside_mm: offset, the depth to which the joints stay open, mm.
     """
     radius, centre = bump_sphere_radius_mm(params) - inside_mm, bump_sphere_centre_mm(params)
     foot = math.sqrt(params.inner_radius_mm**2 - params.dot_radius_mm**2) - 2 * inside_mm
@@ -55,6 +57,6 @@ def bump_fillers(params: EndcapParams, inside_mm: float) -> manifold3d.Manifold:
 
 
 def _turned_round(outline: list[tuple[float, float]], facets: int) -> manifold3d.Manifold:
-    """Body of revolution about z of a closed outline (radius, height)."""
+    """Body of revolution about z of a closed outline (radius, height), mm."""
     section = manifold3d.CrossSection([np.array(outline)], manifold3d.FillRule.Positive)
     return manifold3d.Manifold.revolve(section, facets)

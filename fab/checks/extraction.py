@@ -1,8 +1,9 @@
-"""Do the mold's pieces come out? Every piece is moved along its path in small steps past everything still in place.
+"""Checks that the mold's pieces can be removed: each is moved in small steps past the pieces that are still in place.
 
 A path is a sequence of straight legs (unit direction, length). Core pieces leave through the bore of the TPU interface
-in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments leave away from the equator. Silicone and TPU flange
-are closed forms (sphere, ramp, bumps, bore), exact at the sampled points; other pieces are meshes. Mm, endcap frame.
+in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments move away from the equator. Silicone and TPU flange
+are closed forms (sphere, ramp, bumps, bore), exact at the sampled points; other pieces are meshes. Millimetres, endcap
+frame.
 """
 
 from __future__ import annotations
@@ -21,19 +22,20 @@ from fab.checks.cavity import cavity_faces
 from fab.checks.molding_faces import MoldingFaces, molding_faces, nearest_bump
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
 
-STEPS = 5  # samples on each leg after release, and as many before it: more find the same gaps
+STEPS = 5  # samples on each leg after release, and as many before it; more give the same gaps
 SEARCH_MM = 0.25  # gaps beyond this are not distinguished
-SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # pulls tried: from straight inward to nearly along the ramp
-TOUCH_MM = 1e-3  # float32 coordinates of a surface in contact
-RELEASE_MM = 2.0  # travel after which nothing is in contact any more
+SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # tried slopes of the pull: from straight inward to nearly along the ramp
+TOUCH_MM = 1e-3  # rounding to float32 of surfaces in contact
+RELEASE_MM = 2.0  # travel after which no surfaces are in contact
 
 
 @dataclass(frozen=True)
 class Leg:
-    """One straight move.
+    """One straight leg of a path.
 
     Attributes:
-        direction: unit vector. length_mm: how far.
+        direction: unit vector in the endcap frame.
+        length_mm: length, mm.
     """
 
     direction: tuple[float, float, float]
@@ -42,13 +44,15 @@ class Leg:
 
 @dataclass(frozen=True)
 class Extraction:
-    """How one piece leaves.
+    """Path and clearances of the removal of one piece.
 
     Attributes:
-        piece: its name. legs: the path. penetration_mm: deepest that a point enters silicone or TPU (0 wanted).
-        piece_gap_mm: least gap to the pieces still in place, at most :data:`SEARCH_MM`.
-        draft_deg: least angle between the piece's molding surface and the first leg.
-        rim_strain: how far the opening must stretch to let it pass (0 wanted).
+        piece: name of the piece.
+        legs: its path.
+        penetration_mm: largest depth of a point in silicone or TPU, mm; 0 is required.
+        piece_gap_mm: least gap to the pieces still in place, mm, at most :data:`SEARCH_MM`.
+        draft_deg: least angle between the piece's molding surface and the first leg, degrees.
+        rim_strain: strain of the opening where the piece passes it; 0 is required.
     """
 
     piece: str
@@ -62,10 +66,12 @@ class Extraction:
 def extract_core(
     layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], paths: Mapping[str, tuple[Leg, ...]] | None = None
 ) -> list[Extraction]:
-    """Take the core apart in its stated order.
+    """Removal of the core's pieces in the order of :data:`cad.mold_core.REMOVAL_ORDER`.
 
     Args:
-        layout: mold sizes. meshes: of the pieces. paths: what :func:`core_path` gave for them, where it is known.
+        layout: mold sizes.
+        meshes: meshes of the pieces, by name.
+        paths: results of :func:`core_path` for the pieces, if available.
     """
     inside = [name for name in REMOVAL_ORDER if name in meshes]
     results = []
@@ -89,14 +95,14 @@ def extract_core(
 
 
 def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Extraction]:
-    """Take the cup off: bowl segments toward the dome, then collar segments toward the rim."""
+    """Removal of the cup: bowl segments toward the dome, then collar segments toward the rim."""
     outside = sorted(name for name in meshes if name.startswith("cup_"))
     results = []
     for name in tuple(outside):
         outside.remove(name)
         mesh, down = meshes[name], 1.0 if name.startswith("cup_bowl") else -1.0
         legs = (Leg((0.0, 0.0, down), layout.params.outer_radius_mm),)
-        shifted = (mesh.vertices + shift for shift in _shifts(legs))  # facets of a hollow sphere lie inside it
+        shifted = (mesh.vertices + shift for shift in _shifts(legs))  # facets of a concave sphere lie inside it
         depth = max(float(_depth_in_shell_from_outside(layout, points).max()) for points in shifted)
         inside = cavity_faces(layout, mesh)
         faces = MoldingFaces(mesh.triangles[inside], mesh.face_normals[inside])
@@ -107,12 +113,14 @@ def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
 
 
 def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg, ...]:
-    """The way out of one core piece: centre straight along the axis, the others inward until they fit, then out.
+    """Path of one core piece: the centre moves along the axis, the others inward until they pass the opening, then out.
 
-    The slope of the inward pull is the one with the largest least draft.
+    The slope of the inward leg is the one that maximises the least draft.
 
     Args:
-        layout: mold sizes. name: of the piece. mesh: of the piece, mm.
+        layout: mold sizes.
+        name: name of the piece.
+        mesh: mesh of the piece, mm.
     """
     out = Leg((0.0, 0.0, -1.0), layout.params.tip_height_mm)
     if name == "core_centre":
@@ -130,11 +138,11 @@ def core_path(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> tuple[Leg
 
 
 def depth_in_cast(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
-    """How deep points lie in what is cast or stays: silicone round the core, TPU flange round its bore.
+    """Depth of points in the silicone round the core and in the TPU flange round its bore.
 
     Args:
         layout: mold sizes.
-        points: (n, 3) in mm.
+        points: (n, 3) points, mm.
 
     Returns:
         (n,) depths in mm; 0 or less outside.
@@ -145,7 +153,7 @@ def depth_in_cast(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
     slope = math.radians(layout.ramp_deg)
     ramp = (radius - layout.neck_radius_mm) * math.sin(slope) - height * math.cos(slope)
     core = np.maximum(np.linalg.norm(points - _centre(layout), axis=1) - params.inner_radius_mm, ramp)
-    near = core > TOUCH_MM  # only these can be in silicone, and of them not those on a bump
+    near = core > TOUCH_MM  # only these can be in silicone, unless they are on a bump
     if near.any():
         core[near] = np.minimum(core[near], nearest_bump(layout, points[near])[0])
     flange = np.minimum(radius - params.bore_radius_mm, np.minimum(-height, points[:, 2]))
@@ -161,9 +169,9 @@ def least_gap_mm(
     """Least gap between a piece on its path and the pieces still in place; 0 where they touch or overlap.
 
     Args:
-        mesh: the piece.
-        others: the pieces in place.
-        legs: the path.
+        mesh: mesh of the moving piece.
+        others: meshes of the pieces in place.
+        legs: path of the piece.
         seams_deg: azimuth of the seam with each of the others (:func:`seam_azimuth_deg`), for speed only.
 
     Returns:
@@ -175,18 +183,21 @@ def least_gap_mm(
         for shift in turned_points(np.array(_shifts(legs)), seam):
             moved = piece.translate(shift.tolist())
             if _boxes_within(body.bounding_box(), moved.bounding_box(), least):
-                least = min(least, body.min_gap(moved, least))  # a gap beyond the least so far need not be known
+                least = min(least, body.min_gap(moved, least))  # larger gaps than the least so far are not needed
     return least
 
 
 def seam_azimuth_deg(layout: MoldLayout, first: str, second: str) -> float:
-    """Azimuth along or square to which the walls between two pieces of the core run; 0 where they share none.
+    """Azimuth to which the walls between two pieces of the core are parallel or normal; 0 where they share none.
 
-    Booleans of bodies are turned back by it: boxes round facets that lie along the axes are thin, and those of two
-    slanted walls that slide past each other meet by the thousand. Between a key and a wedge that is a factor of ten.
+    Bodies are rotated by minus this angle before a boolean: bounding boxes of facets parallel to the axes are thin,
+    whereas those of two oblique walls that slide past each other intersect by the thousand. Between a key and a wedge
+    this saves a factor of ten in time.
 
     Args:
-        layout: mold sizes. first, second: names of the pieces.
+        layout: mold sizes.
+        first: name of one piece.
+        second: name of the other one.
     """
     for stem in ("core_key_", "core_wedge_"):
         for name in (first, second):
@@ -196,23 +207,23 @@ def seam_azimuth_deg(layout: MoldLayout, first: str, second: str) -> float:
 
 
 def turned(body: manifold3d.Manifold, azimuth_deg: float) -> manifold3d.Manifold:
-    """A body turned about z, so that what lay at an azimuth lies at 0."""
+    """Body rotated about z by minus ``azimuth_deg``."""
     return body.rotate((0.0, 0.0, -azimuth_deg)) if azimuth_deg else body
 
 
 def turned_points(points: np.ndarray, azimuth_deg: float) -> np.ndarray:
-    """Points or shifts (n, 3), turned as :func:`turned` turns a body."""
+    """Points or shifts (n, 3) rotated about z by minus ``azimuth_deg``."""
     c, s = math.cos(math.radians(azimuth_deg)), math.sin(math.radians(azimuth_deg))
     return points @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) if azimuth_deg else points
 
 
 def _azimuth_deg(layout: MoldLayout, name: str) -> float:
-    """Azimuth of the middle of a key or a wedge."""
+    """Azimuth of the middle of a key or a wedge, degrees."""
     return layout.key_azimuths_deg[int(name[-1]) - 1] + (60.0 if "wedge" in name else 0.0)
 
 
 def _pull(azimuth: float, slope: float) -> tuple[float, float, float]:
-    """Inward along an azimuth and toward the opening by a slope."""
+    """Unit vector inward along an azimuth and toward the opening by a slope, both in radians."""
     c = math.cos(slope)
     return (-c * math.cos(azimuth), -c * math.sin(azimuth), -math.sin(slope))
 
@@ -222,34 +233,34 @@ def _centre(layout: MoldLayout) -> np.ndarray:
 
 
 def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.ndarray:
-    """Depth of points inside the outer sphere above the mating plane: silicone or TPU."""
+    """Depth of points inside the outer sphere above the mating plane (silicone or TPU), mm."""
     depth = layout.params.outer_radius_mm - np.linalg.norm(points - _centre(layout), axis=1)
     return np.minimum(depth, points[:, 2])
 
 
 def _draft_deg(faces: MoldingFaces, leg: Leg) -> float:
-    """Least angle by which the faces open along a leg: below 0 is an undercut.
+    """Least draft angle of the faces along a leg, degrees; negative for an undercut.
 
-    A facet whose undercut is less deep than the mesh is true to its surface counts as parallel (0): at the sphere's
-    equator, where the true draft is 0, slivers beside a seam lean by up to that much either way.
+    A facet whose undercut is less deep than twice the mesh's tolerance counts as parallel (0): at the sphere's equator,
+    where the true draft is 0, slivers next to a seam deviate by up to that amount in either direction.
     """
     direction = np.array(leg.direction)
     opening = -(faces.normals @ direction)
-    reach = np.ptp(faces.triangles @ direction, axis=1)  # of each facet along the way
+    reach = np.ptp(faces.triangles @ direction, axis=1)  # extent of each facet along the leg
     shallow = (opening < 0) & (-opening * reach < 2 * TOLERANCE_MM)
     opening[shallow] = 0.0
     return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))
 
 
 def _rim_strain(layout: MoldLayout, mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> float:
-    """Stretch of the opening by the widest section that passes it on the last leg."""
+    """Strain of the opening by the widest section that passes it on the last leg."""
     start = mesh.vertices + sum(leg.length_mm * np.array(leg.direction) for leg in legs[:-1])
     widest = float(np.hypot(start[:, 0], start[:, 1]).max())
     return max(0.0, widest / layout.params.opening_radius_mm - 1.0)
 
 
 def _shifts(legs: tuple[Leg, ...]) -> list[np.ndarray]:
-    """Sampled positions along a path; the start is sampled more densely, where surfaces still touch."""
+    """Sampled displacements (3,) along a path, mm; denser at the start, where surfaces still touch."""
     shifts, corner = [], np.zeros(3)
     for leg in legs:
         direction = np.array(leg.direction)

@@ -1,6 +1,6 @@
-"""Do the parts fit? Screw axes, joint clearances, and what a printer needs: overhangs, a bed.
+"""Checks of fit: screw axes, joint clearances, and the printer's limits on overhangs and on the bed.
 
-Screw axes are read from the cylinders of the solids, so a hole that moved is seen where it is. Millimetres.
+Screw axes are read from the cylinders of the solids, which show the actual position of a hole. Millimetres.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from fab.checks.check import Check
 if TYPE_CHECKING:
     from build123d import Solid
 
-AXIS_MM = 0.05  # the released patterns are known to this
-CLEARANCE_MM = 0.001
-MOST_EDGE_MM = 0.005  # a kernel's edge that is less certain than this is none
-BED_MM = 256.0
-MAX_OVERHANG_DEG = 45.0
+AXIS_MM = 0.05  # accuracy to which the released patterns are known
+CLEARANCE_MM = 0.001  # largest accepted deviation of a joint clearance
+MOST_EDGE_MM = 0.005  # largest accepted tolerance of the kernel's edges
+BED_MM = 256.0  # side of the print bed
+MAX_OVERHANG_DEG = 45.0  # printed without support
 
 
 def screw_axis_checks(parts: Sequence[Part], layout: MoldLayout) -> list[Check]:
-    """Ten screw axes of each part against the screw circle, as the worst distance; a missing hole counts as far off."""
+    """Check of each part's ten screw axes: largest distance from the nominal ones; a missing hole gives a large one."""
     params = layout.params
     angles = np.radians(params.screw_azimuths_deg)
     wanted = params.screw_circle_radius_mm * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -42,7 +42,7 @@ def screw_axis_checks(parts: Sequence[Part], layout: MoldLayout) -> list[Check]:
 
 
 def upright_axes(solid: Solid, radius_mm: float) -> np.ndarray:
-    """Axes (n, 2) of the upright cylindrical faces of a radius."""
+    """Axes (n, 2) of the cylindrical faces of a radius that are parallel to z, mm."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.GeomAbs import GeomAbs_Cylinder
 
@@ -58,13 +58,14 @@ def upright_axes(solid: Solid, radius_mm: float) -> np.ndarray:
 
 
 def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Check]:
-    """Least gap between mated printed pieces, between their solids, against the joint clearance.
+    """Checks of the least gap between the solids of mated printed pieces, against the joint clearance.
 
-    Where it ends on an edge, that edge's tolerance is allowed, too: the kernel's curve along which a cone and a sphere
-    meet lies beside both by up to its tolerance, 0.001 mm at D=126.92, though both surfaces have their gap exactly.
+    Where the gap ends on an edge, the edge's tolerance is allowed in addition: the kernel's curve of intersection of a
+    cone and a sphere deviates from both by up to its tolerance, 0.001 mm at D=126.92, although the gap between the
+    surfaces is exact.
     """
     nominal, flange = layout.joint_clearance_mm, layout.params.flange_thickness_mm
-    below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp closes in
+    below = drill((0.0, 0.0), 2 * layout.params.outer_radius_mm, 0.0, flange - 0.5)  # above it, the ramp is nearer
     neck, bore = (intersected(solids[name], below, name) for name in ("core_key_1", "interface"))
     pairs = {
         "bowl": (solids["cup_bowl_1"], solids["cup_bowl_2"]),
@@ -83,7 +84,7 @@ def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Ch
 
 
 def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
-    """(least distance, tolerance of the edges and corners between which it is found; 0 between faces)."""
+    """Least distance, and the tolerance of the edges and corners between which it lies (0 between faces), mm."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepExtrema import BRepExtrema_DistShapeShape
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -100,7 +101,7 @@ def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
 
 
 def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
-    """Side of the smallest square bed that takes the part in its printing pose, turned about the vertical."""
+    """Check of the smallest square bed for the part, turned about z, and of its height, against the printer's room."""
     corners = mesh.convex_hull.vertices[:, :2]
     angles = np.radians(np.arange(0.0, 90.0, 1.0))
     turned = np.stack([np.cos(angles), np.sin(angles)])
@@ -111,12 +112,14 @@ def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
 
 
 def overhang_check(layout: MoldLayout, name: str, mesh: trimesh.Trimesh) -> Check:
-    """Steepest overhang inside the cavity of a cup segment as it is printed: on its foot, or on its rim.
+    """Check of the steepest overhang in the cavity of a cup segment in its printing pose.
 
-    Bowl segments stand dome-down, collar segments on the mating plane; both as they are when poured or upside down.
+    Bowl segments are printed dome-down on their foot, collar segments on the mating plane.
 
     Args:
-        layout: mold sizes. name: of the segment. mesh: of the segment, endcap frame, mm.
+        layout: mold sizes.
+        name: name of the segment.
+        mesh: mesh of the segment, endcap frame, mm.
     """
     up = -1.0 if name.startswith("cup_bowl") else 1.0
     down = -up * mesh.face_normals[cavity_faces(layout, mesh), 2]

@@ -1,6 +1,6 @@
-"""All checks that gate an export, on the files as written.
+"""All checks that an export must pass, made on the files as written.
 
-Each mesh is read back from its STL: what is checked is what a slicer will read.
+Each mesh is read back from its STL, so that the checked data are those that a slicer reads.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ from fab.steps.fasteners import fastener_checks
 from fab.steps.record import Step
 from fab.steps.sweep import step_bodies, sweep_checks
 
-SHELL = "shell"
+SHELL = "shell"  # name of the silicone body
 CAST_BETWEEN = ("cup_", "core_")  # the pieces that enclose the silicone
-LEAST_GAP_RATIO = 1 / 3  # of a joint's clearance, what facets of two pieces may leave where a bump ends at it
+LEAST_GAP_RATIO = 1 / 3  # least gap of facets over the joint's clearance, where a bump ends at the joint
 
 
 @dataclass(frozen=True)
 class Gates:
-    """Every check of a written folder, under way in other processes.
+    """The checks of a written folder, which run in other processes.
 
     Attributes:
-        design: what was written.
-        before: jobs whose checks come first in the manifest, those of the whole mold and of the endcap.
+        design: the written design.
+        before: jobs whose checks precede the others in the manifest: those of the whole mold and of the endcap.
         after: jobs of single parts.
     """
 
@@ -66,13 +66,13 @@ class Gates:
     after: Sequence[Future[list[Check]]]
 
     def checks(self, progress: Progress) -> list[Check]:
-        """All checks, in a fixed order, passed or not.
+        """Wait for all checks and return them in a fixed order, passed or failed.
 
         Args:
-            progress: called with the name of each step as it begins.
+            progress: function that receives the name of each step when it begins.
         """
         progress("checks: joints, screw axes")
-        solids = solid_gates(self.design)  # here: the other processes have meshes alone
+        solids = solid_gates(self.design)  # in this process: the other ones have only meshes
         progress("checks: ways out, sweeps, cavity")
         before = [check for job in self.before for check in job.result()]
         progress("checks: walls, gyroid, files")
@@ -80,28 +80,28 @@ class Gates:
 
 
 def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | None = None) -> Gates:
-    """Start every check of a written folder, the longest first.
+    """Start all checks of a written folder, the longest first.
 
     Args:
-        design: what was written.
-        folder: where its files lie.
-        workers: processes that check.
-        cache: where checks of unchanged parts are kept from run to run.
+        design: the written design.
+        folder: folder of its files.
+        workers: processes that make the checks.
+        cache: store of the checks of unchanged parts between runs.
     """
     made = [part for part in design.parts.values() if part.role != "bought"]
     files = {part.name: read_stl(folder / f"{part.name}.stl") for part in made}
-    meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have no file
+    meshes = {name: files.get(name, mesh) for name, mesh in design.meshes.items()}  # bought parts have none
     layout, cast_mm3 = design.layout, mesh_volume_mm3(design, SHELL)
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     paths = {name: core_path(layout, name, mesh) for name, mesh in pieces.items() if name.startswith("core_")}
     steps = all_steps(layout, paths)
-    swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps cast their own silicone
+    swept = {name: mesh for name, mesh in meshes.items() if name != SHELL}  # the sweeps make their own silicone body
     assemblies = {"endcap": PRODUCT, "mold": (*design.mold, "interface")}
     demold = workers.submit(demold_gates, layout, steps, swept, cast_mm3)
     mold = workers.submit(mold_gates, layout, steps, swept, design.robot)
     ways = workers.submit(extraction_gates, layout, pieces, paths)
     gyroid = workers.submit(_interface_checks, design.params, files["interface"], folder, cache)
-    overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # together: both hold the interface
+    overlaps = workers.submit(_overlap_checks, assemblies, meshes)  # one job, because all of them need the interface
     cavity = workers.submit(cavity_gates, layout, meshes, cast_mm3)
     walls = workers.submit(
         print_gates, layout, {part.name: meshes[part.name] for part in made if part.role == "printed"}
@@ -111,10 +111,12 @@ def start_gates(design: Design, folder: Path, workers: Executor, cache: Cache | 
 
 
 def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float) -> list[Check]:
-    """Wall, bumps, leak and air of the closed mold.
+    """Checks of wall, bumps, leak and air of the closed mold.
 
     Args:
-        layout: mold sizes. meshes: of all parts, by name. cast_mm3: volume of the silicone shell.
+        layout: mold sizes.
+        meshes: meshes of all parts, by name.
+        cast_mm3: volume of the silicone shell, mm3.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     return [
@@ -129,13 +131,15 @@ def cavity_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], cast
 def mold_gates(
     layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], robot: str = DEFAULT_ROBOT
 ) -> list[Check]:
-    """Sweeps of the steps that pass no silicone, and the screws of all steps.
+    """Checks by sweeps of the steps that pass no silicone, and of the screws of all steps.
 
     Args:
-        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
-        robot: what the arm adapter fits.
+        layout: mold sizes.
+        steps: all steps of the work.
+        meshes: meshes of all parts except the silicone shell, by name.
+        robot: row of ``robot_sides.csv`` that the arm adapter fits.
     """
-    bodies = step_bodies(layout, steps, meshes)  # manifold3d makes the silicone's when it is asked for: not here
+    bodies = step_bodies(layout, steps, meshes)  # manifold3d evaluates lazily: the silicone's body is not made here
     fits = fit_joints(layout, meshes)
     return [
         *sweep_checks(layout, [step for step in steps if not _passes_silicone(step)], bodies),
@@ -148,11 +152,13 @@ def mold_gates(
 def demold_gates(
     layout: MoldLayout, steps: Sequence[Step], meshes: Mapping[str, trimesh.Trimesh], cast_mm3: float
 ) -> list[Check]:
-    """Sweeps of the steps that pass the silicone, and the balance: what the closed mold encloses is made once for both.
+    """Checks by sweeps of the steps that pass the silicone, and the balance, which share the body of the closed cavity.
 
     Args:
-        layout: mold sizes. steps: of the whole work. meshes: of all parts but the silicone shell, by name.
-        cast_mm3: volume of the silicone shell.
+        layout: mold sizes.
+        steps: all steps of the work.
+        meshes: meshes of all parts except the silicone shell, by name.
+        cast_mm3: volume of the silicone shell, mm3.
     """
     pieces = {name: mesh for name, mesh in meshes.items() if name.startswith(CAST_BETWEEN)}
     opened = opened_space(layout, pieces)
@@ -170,17 +176,19 @@ def _passes_silicone(step: Step) -> bool:
 def extraction_gates(
     layout: MoldLayout, pieces: Mapping[str, trimesh.Trimesh], paths: Mapping[str, tuple[Leg, ...]]
 ) -> list[Check]:
-    """Ways out of core and cup.
+    """Checks of the removal of core and cup.
 
     Args:
-        layout: mold sizes. pieces: meshes of cup and core, by name. paths: ways of the core's pieces.
+        layout: mold sizes.
+        pieces: meshes of cup and core, by name.
+        paths: paths of the core's pieces.
     """
     ways = [*extract_core(layout, pieces, paths), *extract_cup(layout, pieces)]
     return extraction_checks(ways, layout.joint_clearance_mm)
 
 
 def solid_gates(design: Design) -> list[Check]:
-    """Clearances of the joints and screw axes, on the solids."""
+    """Checks of joint clearances and screw axes, on the solids."""
     return [
         *clearance_checks(design.layout, {name: part.solid for name, part in design.parts.items()}),
         *screw_axis_checks([design.parts[name] for name in ("interface", "base", "hanger")], design.layout),
@@ -188,10 +196,11 @@ def solid_gates(design: Design) -> list[Check]:
 
 
 def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Through holes, beds, walls, overhangs.
+    """Checks of through holes, beds, walls and overhangs.
 
     Args:
-        layout: mold sizes. meshes: of the printed parts, by name.
+        layout: mold sizes.
+        meshes: meshes of the printed parts, by name.
     """
     checks = through_hole_checks(layout, meshes)
     for name, mesh in meshes.items():
@@ -204,7 +213,7 @@ def print_gates(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
 
 
 def extraction_checks(extractions: Sequence[Extraction], joint_clearance_mm: float = JOINT_CLEARANCE_MM) -> list[Check]:
-    """What must hold for each piece on its way out."""
+    """Checks of each piece's removal: penetration, gap, draft, strain of the opening."""
     checks = []
     for way in extractions:
         checks += [
@@ -221,9 +230,9 @@ def _submit(
 ) -> Future[list[Check]]:
     solids = [part.solid, build_zone(design.params)] if part.name == "interface" else [part.solid]
     volumes = [exact_volume_mm3(solid) for solid in solids]
-    wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # its gyroid has its own gate
+    wanted = None if part.name == "interface" else mesh_volume_mm3(design, part.name)  # the gyroid has its own check
     keeper = cache if part.name in SAME_AT_EVERY_CLEARANCE else None
-    uncrossed = mesh_sha256(mesh) in design.uncrossed  # the file says the very mesh that was searched
+    uncrossed = mesh_sha256(mesh) in design.uncrossed  # the file holds the same mesh that was searched
     return workers.submit(_file_checks, part.name, mesh, wanted, volumes, folder, keeper, uncrossed)
 
 
@@ -236,7 +245,7 @@ def _file_checks(
     cache: Cache | None,
     uncrossed: bool,
 ) -> list[Check]:
-    """Checks of a part's files; the mesh is that of its STL, read back."""
+    """Checks of a part's files; ``mesh`` is read back from its STL."""
     stl, step = folder / f"{name}.stl", folder / f"{name}.step"
     inputs = {"name": name, "mesh_mm3": mesh_volume, "solid_mm3": solid_volumes}
     inputs |= {"stl": file_sha256(stl), "step": file_sha256(step)}

@@ -13,28 +13,28 @@ from fab.meshing.cast_space import COVERED_SHARE, VOXEL_MM, CastSpace, ball_reac
 from fab.meshing.gyroid import WALL_MM, volume_above
 from fab.meshing.mesh import to_manifold
 
-FINE_VOXEL_MM = 0.15
-MOST_VOXELS = 1.5e8  # fine ones, three gigabytes: to D = 135; larger domes find a roomy phase (docs/sizes.md)
-DENSITY_RATIO = 3e-3  # the issue's gate
-WALL_RANGE = (0.40, 0.50)  # E: what a 0.4 mm nozzle lays as one line
-TRAPPED_MM3 = 1.0  # E: a bubble no print or cast would show
-CLOSED_SHARE = 0.35  # TPU on an open face is 10 %, a few times that where a small face meets a wall along it
-FLOOR_GAP_MM = 0.5  # E: two voxels: the ball lies on the flange
-_SECTORS = 10
+FINE_VOXEL_MM = 0.15  # side of the voxels of the second try
+MOST_VOXELS = 1.5e8  # of these, three gigabytes: up to D = 135; larger domes have a roomy phase (docs/sizes.md)
+DENSITY_RATIO = 3e-3  # largest accepted relative error of the volume fraction
+WALL_RANGE = (0.40, 0.50)  # E: line widths of a 0.4 mm nozzle
+TRAPPED_MM3 = 1.0  # E: a bubble that is invisible in print and cast
+CLOSED_SHARE = 0.35  # TPU covers 10 % of an open face, a few times that where a small face is parallel to a wall
+FLOOR_GAP_MM = 0.5  # E: two voxels, within which the ball touches the flange
+_SECTORS = 10  # azimuths into which a face is divided
 
 
 def gyroid_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
     """All checks of the gyroid.
 
     Args:
-        params: the design.
-        mesh: the whole interface.
+        params: design of the endcap.
+        mesh: mesh of the whole interface, mm.
     """
     walls = sheet_walls_mm(params, mesh)
     cast = cast_space(params, mesh)
     covered, floor_gap = ball_reach(params, cast)
     fine = cast.tpu.size * (VOXEL_MM / FINE_VOXEL_MM) ** 3 <= MOST_VOXELS
-    if covered < COVERED_SHARE and fine:  # a passage that is one voxel wide is closed by chance
+    if covered < COVERED_SHARE and fine:  # a passage one voxel wide may be closed by discretisation
         covered, floor_gap = ball_reach(params, cast_space(params, mesh, FINE_VOXEL_MM))
     return [
         Check("gyroid.density_error_ratio", abs(density(params, mesh) / params.gyroid - 1), high=DENSITY_RATIO),
@@ -50,12 +50,12 @@ def gyroid_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
 
 
 def density(params: EndcapParams, mesh: trimesh.Trimesh) -> float:
-    """TPU above the flange over the closed form of the zone's volume."""
+    """Volume fraction of TPU: TPU above the flange over the closed form of the zone's volume."""
     return volume_above(mesh, params.flange_thickness_mm) / zone_volume_mm3(params)
 
 
 def outside_zone_mm(params: EndcapParams, mesh: trimesh.Trimesh) -> float:
-    """How far the mesh above the flange leaves the zone: above its top, or through the silicone's skin."""
+    """Largest excess of the mesh above the flange over the zone, mm: above its top, or into the silicone's skin."""
     points = mesh.vertices[mesh.vertices[:, 2] > params.flange_thickness_mm + 1e-3]
     radius = np.linalg.norm(points - (0, 0, params.centre_height_mm), axis=1)
     inner, outer = zone_radii_mm(params)
@@ -64,10 +64,12 @@ def outside_zone_mm(params: EndcapParams, mesh: trimesh.Trimesh) -> float:
 
 
 def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3000) -> np.ndarray:
-    """Thickness of the sheet along its normal at evenly chosen facets, away from the zone's faces: (about samples,).
+    """Thicknesses (n,) of the sheet along its normal at evenly chosen facets, away from the zone's faces, mm.
 
     Args:
-        params: the design. mesh: the whole interface, mm. samples: facets looked at, about.
+        params: design of the endcap.
+        mesh: mesh of the whole interface, mm.
+        samples: approximate number n of facets.
     """
     centres = mesh.triangles_center
     radius = np.linalg.norm(centres - (0, 0, params.centre_height_mm), axis=1)
@@ -89,7 +91,7 @@ def sheet_walls_mm(params: EndcapParams, mesh: trimesh.Trimesh, samples: int = 3
 
 
 def closed_face_share(params: EndcapParams, cast: CastSpace) -> float:
-    """Largest share of TPU on a tenth of the zone's inner, outer or top face, within a wall's depth under it."""
+    """Largest share of TPU in a tenth of the zone's inner, outer or top face, within one wall thickness below it."""
     inner, outer = zone_radii_mm(params)
     x, y = cast.box.axis(0), cast.box.axis(1)
     off_axis, clip = np.hypot(x[:, None], y[None, :])[..., None], zone_clip_radius_mm(params)
@@ -112,7 +114,7 @@ def closed_face_share(params: EndcapParams, cast: CastSpace) -> float:
 
 
 def trapped_void_mm3(params: EndcapParams, cast: CastSpace) -> float:
-    """Volume of the voids that no path joins to the silicone above the zone (both labyrinths must be joined)."""
+    """Volume of the voids without a path to the silicone above the zone, mm3 (both labyrinths must have one)."""
     parts, count = label(cast.space & ~cast.tpu)
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     source = np.unique(parts[..., cast.height > params.interlock_top_mm + 1.0])

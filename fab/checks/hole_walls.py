@@ -1,8 +1,8 @@
-"""What is left of a part round the holes that its screws and inserts hold in (millimetres).
+"""Checks of the walls of a part round the holes that hold its screws and inserts (millimetres).
 
-A thin wall that two surfaces face is seen by :mod:`fab.checks.walls`; a hole that has broken out through a surface has
-none left there. So rays go square from the hole's axis all round: each meets the hole's side first, and then the far
-side of the wall.
+:mod:`fab.checks.walls` finds a thin wall between two surfaces, but not a hole that has broken out through a surface,
+where no wall remains. Here rays start on the hole's axis, normal to it and all round: each meets the hole's side first
+and then the far side of the wall.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from fab.checks.check import Check
 from fab.checks.screw_fit import INSERT_RING_MM, upright_spans
 from fab.checks.walls import MIN_WALL_MM
 
-RIM_MM = 0.4  # outside the hole's side, where lines along the axis find how deep the hole is
-END_MM = 0.05  # left out at the hole's mouth and bottom: facets
+RIM_MM = 0.4  # outside the hole's side: there lines along the axis measure the hole's depth
+END_MM = 0.05  # excluded at the hole's mouth and bottom because of facets
 STEP_MM = 0.5  # between rays along the axis
-OFF_MM = 0.03  # of a line beside the axis, which runs along edges
-ANGLES = 24
-RELEASED = ("camera_to_base",)  # M: the released base leaves 0.3 mm between these holes and its pocket; it stays
+OFF_MM = 0.03  # distance of a line from the axis, which coincides with edges
+ANGLES = 24  # rays round the axis
+RELEASED = ("camera_to_base",)  # M: not checked: the released base has 0.3 mm between these holes and its pocket
 
 
 def hole_wall_checks(joints: Iterable[ScrewJoint], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Thinnest wall round the holes of each joint whose screws hold in the part itself, but for :data:`RELEASED`.
+    """Checks of the thinnest wall round the holes of each joint whose thread is in the part, except :data:`RELEASED`.
 
     Args:
-        joints: of the design. meshes: closed meshes of their parts, endcap frame.
+        joints: joints of the design.
+        meshes: closed meshes of their parts, by name, endcap frame, mm.
     """
     checks = []
     for joint in joints:
@@ -42,10 +43,12 @@ def hole_wall_checks(joints: Iterable[ScrewJoint], meshes: Mapping[str, trimesh.
 
 
 def hole_wall_mm(joint: ScrewJoint, mesh: trimesh.Trimesh, place: tuple[float, float]) -> float:
-    """Thinnest wall round one hole, from its mouth to its end; 0 where the hole is open to the side.
+    """Thinnest wall round one hole, from its mouth to its end, mm; 0 where the hole is open to the side.
 
     Args:
-        joint: which. mesh: closed, of the part that holds the thread, endcap frame. place: (x, y) of the axis.
+        joint: joint of the hole.
+        mesh: closed mesh of the part that holds the thread, endcap frame, mm.
+        place: (x, y) of the axis, mm.
     """
     widest = INSERT_RING_MM - 2 * RIM_MM if joint.holder == "insert" else bought_mm(joint.thread, "thread") / 2
     angles = np.linspace(0.0, 2 * math.pi, ANGLES, endpoint=False) + 0.1  # between the edges of a hole's facets
@@ -64,12 +67,12 @@ def hole_wall_mm(joint: ScrewJoint, mesh: trimesh.Trimesh, place: tuple[float, f
 
 
 def _first_spans(mesh: trimesh.Trimesh, starts: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """Distances (n, 2) at which rays from outside of a part enter it and leave it again; infinite where they miss."""
+    """Distances (n, 2) at which rays from outside of a part enter and leave it, mm; infinite where they miss it."""
     places, rays, _ = mesh.ray.intersects_location(starts, ways, multiple_hits=True)
     distances = np.linalg.norm(places - starts[rays], axis=1)
     order = np.lexsort((distances, rays))
     rays, distances = rays[order], distances[order]
-    fresh = np.append(True, (np.diff(rays) > 0) | (np.diff(distances) > 1e-4))  # an edge is met twice
+    fresh = np.append(True, (np.diff(rays) > 0) | (np.diff(distances) > 1e-4))  # a ray through an edge meets it twice
     rays, distances = rays[fresh], distances[fresh]
     spans = np.full((len(starts), 2), np.inf)
     rank = np.arange(len(rays)) - np.searchsorted(rays, rays)

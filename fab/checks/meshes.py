@@ -1,4 +1,4 @@
-"""Checks of every printed mesh, on the triangles read back from its STL: what the slicer will get."""
+"""Checks of every printed mesh, on the triangles read back from its STL, which are those that a slicer reads."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from fab.meshing.self_intersections import self_intersections
 if TYPE_CHECKING:
     from build123d import Solid
 
-VOLUME_RATIO = 1e-3  # mesh against solid
-STEP_VOLUME_RATIO = 1e-5  # solid against its STEP file
-INTEGRAL_RATIO = 1e-5  # where OCCT's integral ends: repeats to 1e-7 after a round trip, its plain one to 1e-5 (the cup)
-HEAVY_TRIANGLES = 100_000
-SECTION_MM2 = 1e-3  # E: a section this small is the rounding of faces that touch
-ABOVE_MM = 0.05  # a plane is laid this far above the faces that do not match
-OVERLAP_MM3 = 1.0  # a hundredth of a printed dot: tessellation of touching faces, nothing a print could feel
+VOLUME_RATIO = 1e-3  # largest accepted relative difference of volumes: mesh and solid,
+STEP_VOLUME_RATIO = 1e-5  # solid and its STEP file
+INTEGRAL_RATIO = 1e-5  # tolerance of OCCT's integral: repeats to 1e-7 after a round trip, its default to 1e-5 (cup)
+HEAVY_TRIANGLES = 100_000  # from which a body counts as one with a gyroid
+SECTION_MM2 = 1e-3  # E: a smaller section is the rounding of touching faces
+ABOVE_MM = 0.05  # height of the cutting plane above the highest face without a twin
+OVERLAP_MM3 = 1.0  # a hundredth of a printed dot: tessellation of touching faces
 
 
 def mesh_checks(
     name: str, mesh: trimesh.Trimesh, solid_volume_mm3: float | None, uncrossed: bool = False
 ) -> list[Check]:
-    """Watertight, manifold, one body, free of self-intersections, and of the right volume.
+    """Checks that a mesh is watertight, manifold, one body, without self-intersections, and of the right volume.
 
     Args:
-        name: the part's name.
-        mesh: as read back from the STL file.
-        solid_volume_mm3: volume to compare with; None where the mesh has more than the solid (gyroid).
-        uncrossed: whether this very mesh has been searched for self-intersections already, and none were found.
+        name: name of the part.
+        mesh: mesh as read back from the STL file, mm.
+        solid_volume_mm3: volume of the solid, mm3; None where the mesh has more than the solid (gyroid).
+        uncrossed: whether this same mesh was already searched for self-intersections without finding any.
     """
     closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
     checks = [
@@ -52,7 +52,7 @@ def mesh_checks(
 
 
 def exact_volume_mm3(solid: Solid) -> float:
-    """Volume of a solid, its faces divided until the integral stands."""
+    """Volume of a solid, mm3; the faces are subdivided until the integral converges to :data:`INTEGRAL_RATIO`."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -62,12 +62,12 @@ def exact_volume_mm3(solid: Solid) -> float:
 
 
 def step_check(name: str, volumes_mm3: Sequence[float], path: Path) -> Check:
-    """Volume of a STEP file, read back, against its solids; infinite where other or invalid solids were read.
+    """Check of a STEP file's volume against the solids; infinite where the solids read back are invalid or others.
 
     Args:
         name: first part of the check's name.
-        volumes_mm3: of the solids that were written (:func:`exact_volume_mm3`).
-        path: of the file.
+        volumes_mm3: volumes of the written solids (:func:`exact_volume_mm3`), mm3.
+        path: the file.
     """
     from build123d import import_step
 
@@ -78,11 +78,11 @@ def step_check(name: str, volumes_mm3: Sequence[float], path: Path) -> Check:
 
 
 def overlap_check(label: str, bodies: Sequence[manifold3d.Manifold]) -> Check:
-    """Volume that the parts of an assembly share, in mm3: summed over pairs, so at least that of all together.
+    """Check of the volume that the parts of an assembly share, mm3: a sum over pairs, which is at least the total.
 
-    Faces that touch are allowed: two tessellations of one contact surface may share slivers, which the limit bounds.
-    Bodies with a gyroid (half a million facets) are met once by the union of all others, not by each of them; two of
-    them, which fit face to face, by :func:`shared_mm3`.
+    Touching faces are allowed: two tessellations of one contact surface may share slivers, for which the limit leaves
+    room. Bodies with a gyroid (half a million facets) are intersected once with the union of all others; two of them,
+    whose faces coincide, by :func:`shared_mm3`.
     """
     light = [body for body in bodies if body.num_tri() < HEAVY_TRIANGLES]
     heavy = [body for body in bodies if body.num_tri() >= HEAVY_TRIANGLES]
@@ -95,14 +95,14 @@ def overlap_check(label: str, bodies: Sequence[manifold3d.Manifold]) -> Check:
 
 
 def shared_mm3(first: manifold3d.Manifold, second: manifold3d.Manifold) -> float:
-    """Volume that two bodies share, where most of the second's faces may be those of the first turned round.
+    """Volume that two bodies share, mm3, where most faces of the second may be reversed faces of the first (twins).
 
-    The boolean of such faces costs minutes, and need not be made. What the bodies share is bounded by faces of either
-    that have no such twin: at twins, the bodies lie on opposite sides. Above the highest face of ``second`` without a
-    twin, twins have twins for neighbours (an edge of a closed mesh has two faces), so nothing shared begins there: it
-    would have to come up through the plane at that height (a loose lump inside the other body would not: that each mesh
-    is one body is a check of its own). So the bodies are compared below the plane only, and whole
-    where their sections in the plane meet.
+    A boolean of such faces takes minutes and is avoided. The shared volume is bounded by faces without a twin, because
+    at twins the bodies lie on opposite sides. Above the highest face of ``second`` without a twin all neighbours of
+    twins are twins (an edge of a closed mesh has two faces), so that a shared volume can only enter there through the
+    plane at that height. (A separate lump inside the other body could not be found; that each mesh is one body is
+    checked elsewhere.) The bodies are therefore compared below the plane only, or as a whole where their sections in
+    the plane intersect.
     """
     lone = ~twins(first, second)
     mesh = second.to_mesh()
@@ -110,11 +110,11 @@ def shared_mm3(first: manifold3d.Manifold, second: manifold3d.Manifold) -> float
     level = float(heights.max(initial=-np.inf)) + ABOVE_MM
     if math.isfinite(level) and (first.slice(level) ^ second.slice(level)).area() < SECTION_MM2:
         first, second = (body.trim_by_plane((0.0, 0.0, -1.0), -level) for body in (first, second))
-    return first.volume() + second.volume() - (first + second).volume()  # of faces that touch, a union is the quicker
+    return first.volume() + second.volume() - (first + second).volume()  # for touching faces a union is faster
 
 
 def twins(first: manifold3d.Manifold, second: manifold3d.Manifold) -> np.ndarray:
-    """Faces (mask) of the second body that are faces of the first turned round, corner for corner to the bit."""
+    """Mask of the second body's faces that are reversed faces of the first, with corners equal to the bit."""
     meshes = [body.to_mesh() for body in (first, second)]
     points = np.concatenate([np.asarray(mesh.vert_properties)[:, :3] for mesh in meshes]).astype(np.float32)
     _, number = unique_rows(points)
@@ -125,7 +125,7 @@ def twins(first: manifold3d.Manifold, second: manifold3d.Manifold) -> np.ndarray
 
 
 def _face_keys(corners: np.ndarray) -> np.ndarray:
-    """A key for each triangle (n, 3), the same from whichever corner it is read, but not in the other sense."""
+    """Keys of triangles (n, 3), which depend on the orientation but not on the first corner."""
     order = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3
     turned = np.ascontiguousarray(np.take_along_axis(corners, order, axis=1).astype(np.int64))
     return turned.view("V24").ravel()

@@ -1,4 +1,4 @@
-"""Which facets of the core shape the silicone: those of its sphere, its bumps and its ramp (mm, endcap frame)."""
+"""Facets of the core that shape the silicone: those of its sphere, its bumps and its ramp (mm, endcap frame)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from cad.dots import dot_pattern
 from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm, ramp_end
 from cad.mold_layout import MoldLayout
 
-FACING = 0.95  # cosine of a facet's normal to the surface's own
-SURFACE_MM = 0.05  # facets lie this near to the surface they stand for
+FACING = 0.95  # least cosine between a facet's normal and that of the surface
+SURFACE_MM = 0.05  # largest distance of facets from the surface that they approximate
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class MoldingFaces:
 
     Attributes:
         triangles: (m, 3, 3) corners, mm.
-        normals: (m, 3) of the surface there.
+        normals: (m, 3) unit normals of the surface at the facets.
     """
 
     triangles: np.ndarray
@@ -31,17 +31,17 @@ class MoldingFaces:
 
 
 def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> MoldingFaces:
-    """Faces of a core piece that touch silicone: those with the normal of sphere, bump or ramp at their place.
+    """Faces of a core piece that touch silicone: those with the position and normal of sphere, bump or ramp.
 
-    Place alone does not show it: the walls of seams and tabs end at the same surface. Facets of a low ramp span its two
-    circles and lean by a degree; their normals are those of the ramp itself.
+    The position alone does not suffice, as the walls of seams and tabs end at the same surface. Facets of a low ramp
+    span its two circles and deviate by a degree; the normals used for them are those of the ramp itself.
     """
     points, normals = mesh.triangles_center, np.array(mesh.face_normals)
     outward = points - np.array([0.0, 0.0, layout.params.centre_height_mm])
     distance = np.linalg.norm(outward, axis=1)
     nearest, from_bump = nearest_bump(layout, points)
     on_sphere = np.abs(distance - layout.params.inner_radius_mm) < SURFACE_MM
-    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere is inside the core
+    outside = distance > layout.params.inner_radius_mm - SURFACE_MM  # the rest of a bump's sphere lies inside the core
     on_bump = (np.abs(nearest) < SURFACE_MM) & outside
     facing_out = np.einsum("ij,ij->i", normals, outward) > FACING * distance
     facing_bump = np.einsum("ij,ij->i", normals, from_bump) > FACING * np.linalg.norm(from_bump, axis=1)
@@ -52,7 +52,7 @@ def molding_faces(layout: MoldLayout, mesh: trimesh.Trimesh) -> MoldingFaces:
 
 
 def _ramp(layout: MoldLayout, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which facets (mask) lie on the cone over the flange, and its normals (m, 3) at all of them."""
+    """Mask of the facets on the ramp's cone over the flange, and the cone's normals (m, 3) at all facets."""
     slope, top = math.radians(layout.ramp_deg), ramp_end(layout)[1]
     radius = np.hypot(points[:, 0], points[:, 1])
     height = points[:, 2] - layout.params.flange_thickness_mm
@@ -64,7 +64,7 @@ def _ramp(layout: MoldLayout, points: np.ndarray, normals: np.ndarray) -> tuple[
 
 
 def nearest_bump(layout: MoldLayout, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance (n,) to the union of the bumps' spheres, and the vectors (n, 3) from the nearest centre."""
+    """Signed distance (n,) to the union of the bumps' spheres, and vectors (n, 3) from the nearest centre, mm."""
     radius = bump_sphere_radius_mm(layout.params)
     directions = np.array([dot.direction for dot in dot_pattern(layout.params)])
     centres = directions * bump_sphere_centre_mm(layout.params)

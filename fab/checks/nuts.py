@@ -1,6 +1,7 @@
 """Checks of the captured nuts, measured by rays on the interface's mesh (endcap frame, mm).
 
-A DIN 562 nut must go in from the bore, stay, not turn with the screw, and not be pulled through the floor.
+A DIN 562 nut must be insertable from the bore, stay in place, not turn with the screw, and not be pulled through the
+floor.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from cad.params import EndcapParams
 from fab.checks.check import Check
 from fab.meshing.mesh import to_manifold
 
-FLOOR_MIN_MM = 2.0  # E: shears at 4 x 5.5 x 2.0 = 44 mm2; at 15 MPa that is 660 N, twice a hand-tight M3
+FLOOR_MIN_MM = 2.0  # E: sheared area 4 x 5.5 x 2.0 = 44 mm2; at 15 MPa that is 660 N, twice a hand-tight M3
 ROOF_MIN_MM = 0.6  # E: three printed layers between screw tip and silicone
-TURN_MAX_DEG = 5.0  # E: the nut still looks at its screw
-SQUEEZE_MAX_MM = 0.3  # E: how much TPU a nut can push aside on its way in
-SEAT_MAX_MM = 0.25  # E: a 3 mm screw in a 3.4 mm hole still finds the thread
-_FAR = 100.0
+TURN_MAX_DEG = 5.0  # E: largest play of rotation of the nut
+SQUEEZE_MAX_MM = 0.3  # E: interference that the TPU yields to an inserted nut
+SEAT_MAX_MM = 0.25  # E: offset at which a 3 mm screw in a 3.4 mm hole still enters the thread
+_FAR = 100.0  # mm, beyond the interface
 
 
 def nut_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
-    """Worst of the ten nuts in each respect.
+    """Checks of the worst value of the ten nuts in each respect.
 
     Args:
-        params: the design.
-        mesh: the whole interface.
+        params: design of the endcap.
+        mesh: mesh of the whole interface, mm.
     """
     body = to_manifold(mesh)
     pockets = [NutPocket(params, body, azimuth) for azimuth in params.screw_azimuths_deg]
@@ -45,10 +46,12 @@ def nut_checks(params: EndcapParams, mesh: trimesh.Trimesh) -> list[Check]:
 
 
 class NutPocket:
-    """One pocket, seen from its screw's axis: x outward along the radius, y along the circle, z up.
+    """One pocket in the frame of its screw's axis: x outward along the radius, y along the circle, z up.
 
     Args:
-        params: the design. body: the part with the pocket, endcap frame, mm. azimuth_deg: of the screw.
+        params: design of the endcap.
+        body: part with the pocket, endcap frame, mm.
+        azimuth_deg: azimuth of the screw, degrees.
     """
 
     def __init__(self, params: EndcapParams, body: manifold3d.Manifold, azimuth_deg: float) -> None:
@@ -63,23 +66,23 @@ class NutPocket:
         self._middle = POCKET_FLOOR_MM + POCKET_HEIGHT_MM / 2
 
     def floor_mm(self) -> float:
-        """Least TPU under the nut's bearing face, outside the screw hole."""
+        """Least thickness of TPU under the nut's bearing face, outside the screw hole."""
         ring = (bought_mm("screw_m3", "clearance_hole") / 2 + self._half) / 2
         angles = np.radians(np.arange(0, 360, 30))
         return min(self._first_wall(ring * math.cos(a), ring * math.sin(a), -1.0) for a in angles)
 
     def roof_mm(self) -> float:
-        """TPU between the screw's tip and the silicone."""
+        """Thickness of TPU between the screw's tip and the silicone."""
         return self._first_wall(0.0, 0.0, -1.0)
 
     def turn_deg(self) -> float:
-        """How far the nut turns before two corners touch: a (sin t + cos t) = width; 45 where it spins."""
+        """Angle t of rotation until two of the nut's corners touch: a (sin t + cos t) = width; 45 where it is free."""
         width = max(self._width(x) for x in self._stations(-self._half, self._half))
         ratio = width / (2 * self._half * math.sqrt(2))
         return 45.0 if ratio >= 1 else max(0.0, math.degrees(math.asin(ratio)) - 45.0)
 
     def squeeze_mm(self) -> float:
-        """Largest interference on the nut's way from the bore to its seat, in width or in height."""
+        """Largest interference of width or height on the nut's path from the bore to its seat."""
         mouth = self._params.bore_radius_mm - self._params.screw_circle_radius_mm + 0.15
         stations = self._stations(mouth, self._half)
         narrow = 2 * self._half - min(self._width(x) for x in stations)
@@ -87,7 +90,7 @@ class NutPocket:
         return max(0.0, narrow, low)
 
     def seat_play_mm(self) -> float:
-        """How far the seated nut can move along the radius off its screw's axis, the larger way; < 0: too short."""
+        """Largest radial offset of the seated nut from its screw's axis; negative where the seat is too short."""
         outward = self._reach((0, 0, self._middle), (1, 0, 0)) - self._half
         inward = self._reach((0, 0, POCKET_FLOOR_MM + 0.1), (-1, 0, 0)) - self._half
         return max(outward, inward) if min(outward, inward) >= 0 else min(outward, inward)
@@ -108,7 +111,7 @@ class NutPocket:
     def _hits(
         self, place: tuple[float, float, float], direction: tuple[float, float, float]
     ) -> list[tuple[float, bool]]:
-        """Walls along a ray: distance, and whether it enters TPU there."""
+        """Intersections of a ray with the part: distance, mm, and whether the ray enters TPU there."""
         start, way = self._point(place), np.array(direction, dtype=float) @ self._axes
         hits = self._body.ray_cast(start.tolist(), (start + _FAR * way).tolist())
         return [
@@ -116,14 +119,14 @@ class NutPocket:
         ]
 
     def _reach(self, place: tuple[float, float, float], direction: tuple[float, float, float]) -> float:
-        """Way to the first wall; 0 where the place itself lies in TPU."""
+        """Distance to the first wall, mm; 0 where the start lies in TPU."""
         hits = self._hits(place, direction)
         if not hits:
             return _FAR
         return hits[0][0] if hits[0][1] else 0.0
 
     def _first_wall(self, x: float, y: float, start: float) -> float:
-        """TPU of the first wall above ``start``, counted up to the flange's top."""
+        """Thickness of the first wall above ``start``, counted up to the flange's top, mm."""
         heights = [start + way for way, _ in self._hits((x, y, start), (0, 0, 1))]
         if len(heights) < 2:
             return 0.0

@@ -1,8 +1,8 @@
-"""Does a screw clamp? Seat, grip, engagement and room for the tip, measured on the meshes along the screw's own axis.
+"""Checks that screws clamp: seat, grip, engagement and room for the tip, measured on the meshes along their axes.
 
-Lines parallel to the axis are cut with the parts: at the middle of the head's ring for the seat, just inside the thread
-for what the thread bites into, on the axis for what the tip would hit. Millimetres along the screw's direction.
-Screw lengths: ISO 4762, tolerance js15 of ISO 286.
+Lines parallel to the axis are intersected with the parts: at the middle of the head's bearing ring for the seat, just
+inside the thread for the engagement, on the axis for the room before the tip. Coordinates are in mm along the screw's
+direction. Screw lengths: ISO 4762, tolerance js15 of ISO 286.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from fab.checks.check import Check
 
 LENGTHS_MM = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0)  # S
 PLASTIC_DIAMETERS = 2.5  # E: engagement in printed plastic, in thread diameters
-SEAT_MM = 0.05  # a head bears all round when its seat is this flat
-TIP_MM = 0.1  # room that stays under the tip of the longest screw
-# Room under TPU, which gives: the 2.2 mm under a nut yield by F t / (E A) = 200 N x 2.2 mm / (45 MPa x 21 mm2), that is
-# 0.46 mm (E: hand-tight M3, modulus of TPU 95A; A: square nut less its hole), and at worst the roof comes down as much.
+SEAT_MM = 0.05  # largest unevenness of a seat on which a head bears all round
+TIP_MM = 0.1  # least room under the tip of the longest screw
+# Room under TPU, which deforms: the 2.2 mm under a nut yield by F t / (E A) = 200 N x 2.2 mm / (45 MPa x 21 mm2), that
+# is 0.46 mm (E: hand-tight M3, modulus of TPU 95A; A: square nut less its hole); at worst the roof sinks by as much.
 TPU_TIP_MM = 0.5
-INSERT_RING_MM = 4.2  # round the insert's hole (5.6)
+INSERT_RING_MM = 4.2  # distance of the lines from the axis, outside the insert's hole (5.6)
 INSERT_HOLE_MM = 9.2  # M: depth of the insert's hole
-ANGLES = 8
-INSIDE_MM = 0.01
-FAR_MM = 500.0
+ANGLES = 8  # lines round the axis
+INSIDE_MM = 0.01  # distance of the lines inside the thread's radius; also allowance for rounding
+FAR_MM = 500.0  # start of the lines, outside all parts
 
-Spans = list[tuple[float, float]]  # start and end of what is solid on a line, mm along the screw
+Spans = list[tuple[float, float]]  # start and end of solid material on a line, mm along the screw
 
 
 @dataclass(frozen=True)
 class ScrewFit:
-    """How screws of one length sit in a joint; the worst of its places.
+    """Fit of screws of one length in a joint; values are the worst of its places.
 
     Attributes:
-        joint: which.
-        length_mm: nominal length.
-        grip_mm: from the head's seat to where the thread begins to hold, washers included.
-        engagement_mm: thread held by the shortest screw that the standard allows.
-        needed_mm: engagement wanted.
-        tip_room_mm: what stays free before the tip of the longest one.
-        seat_error_mm: unevenness of the seat under the head.
-        seat_mm: where head or washer bears, along the screw's direction (z, or -z if it points down).
+        joint: the joint.
+        length_mm: nominal length, mm.
+        grip_mm: distance from the head's seat to the start of the thread's engagement, washers included, mm.
+        engagement_mm: engaged length of thread of the shortest screw within tolerance, mm.
+        needed_mm: required engagement, mm.
+        tip_room_mm: free length before the tip of the longest screw within tolerance, mm.
+        seat_error_mm: unevenness of the seat under the head, mm.
+        seat_mm: coordinate of the bearing surface along the screw's direction (z, or -z if it points down), mm.
     """
 
     joint: ScrewJoint
@@ -61,7 +61,7 @@ class ScrewFit:
 
     @property
     def checks(self) -> list[Check]:
-        """The gates."""
+        """Checks of seat, engagement and room before the tip."""
         name = self.joint.name
         return [
             Check(f"{name}.engagement_mm", self.engagement_mm, low=self.needed_mm),
@@ -71,10 +71,11 @@ class ScrewFit:
 
 
 class ScrewLines:
-    """Lines along a joint's screws, cut with its parts: each once, for screws of every length.
+    """Intersections of lines along a joint's screws with its parts, each made once for screws of all lengths.
 
     Args:
-        joint: which. meshes: closed meshes of its parts, endcap frame, mm.
+        joint: the joint.
+        meshes: closed meshes of its parts, by name, endcap frame, mm.
     """
 
     def __init__(self, joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> None:
@@ -85,7 +86,9 @@ class ScrewLines:
         """Solid spans of a part on lines round a screw's axis, along the screw's direction.
 
         Args:
-            part: name of the part. place: (x, y) of the axis, mm. radius_mm: of the ring of lines.
+            part: name of the part.
+            place: (x, y) of the axis, mm.
+            radius_mm: radius of the ring of lines, mm.
 
         Raises:
             GeometryError: a line misses the part.
@@ -99,10 +102,11 @@ class ScrewLines:
         return spans
 
     def first_hit(self, place: tuple[float, float], seat_mm: float) -> float:
-        """Where the tip would hit the anchor's material on the axis, or what lies beyond; infinite where nothing does.
+        """Coordinate on the axis at which the tip would hit the anchor or a part beyond it, mm; infinite without a hit.
 
         Args:
-            place: (x, y) of the axis, mm. seat_mm: of the head, along the screw.
+            place: (x, y) of the axis, mm.
+            seat_mm: coordinate of the head's seat along the screw, mm.
         """
         axis = np.array(place)[None, :] + 0.03
         ahead = (self._joint.anchor, *self._joint.beyond)
@@ -117,7 +121,7 @@ class ScrewLines:
 
 
 def fitted(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> ScrewFit:
-    """The shortest screw of the standard that holds; if none does, the longest with room (its gates then fail)."""
+    """Fit of the shortest standard screw that holds; if none does, of the longest with room, whose checks then fail."""
     lines = ScrewLines(joint, meshes)
     fits = [screw_fit(joint, meshes, length, lines) for length in LENGTHS_MM]
     sound = [fit for fit in fits if all(check.ok for check in fit.checks)]
@@ -126,23 +130,23 @@ def fitted(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> ScrewFit
 
 
 def tip_room_wanted_mm(joint: ScrewJoint) -> float:
-    """Room wanted before the tip: more where TPU is over it."""
+    """Required room before the tip, mm; larger under TPU."""
     return TPU_TIP_MM if joint.holder == "captured nut" else TIP_MM
 
 
 def screw_fit(
     joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh], length_mm: float, lines: ScrewLines | None = None
 ) -> ScrewFit:
-    """Measure one joint with screws of a length.
+    """Measure one joint with screws of one length.
 
     Args:
-        joint: which.
-        meshes: closed meshes of its parts, endcap frame.
-        length_mm: nominal length of the screws.
-        lines: of the same joint and meshes, where other lengths are measured, too.
+        joint: the joint.
+        meshes: closed meshes of its parts, by name, endcap frame, mm.
+        length_mm: nominal length of the screws, mm.
+        lines: lines of the same joint and meshes, to share between lengths.
 
     Raises:
-        GeometryError: the head finds no seat, or the anchor is not where the screw goes.
+        GeometryError: the head has no seat, or the screw misses the anchor.
     """
     lines = lines or ScrewLines(joint, meshes)
     thread = bought_mm(joint.thread, "thread")
@@ -184,7 +188,7 @@ def screw_fit(
 
 
 def screw_seat_mm(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> float:
-    """Height z (endcap frame) on which the heads of a joint bear, washers not counted."""
+    """Height z (endcap frame) of the surface under the heads or washers of a joint, mm."""
     hole = bought_mm(joint.thread, "clearance_hole")
     ring = (bought_mm(*_head(joint)) + hole) / 4
     seat = min(spans[0][0] for spans in ScrewLines(joint, meshes).ring(joint.seat, joint.places[0], ring))
@@ -192,17 +196,17 @@ def screw_seat_mm(joint: ScrewJoint, meshes: Mapping[str, trimesh.Trimesh]) -> f
 
 
 def length_tolerance_mm(length_mm: float) -> float:
-    """Half the tolerance js15 of a length (ISO 286): a screw may be this much longer or shorter."""
+    """Deviation allowed to a length by js15 (ISO 286), mm: a screw may be longer or shorter by it."""
     steps = ((3.0, 0.20), (6.0, 0.24), (10.0, 0.29), (18.0, 0.35), (30.0, 0.42), (50.0, 0.50))
     return next(slack for limit, slack in steps if length_mm <= limit)
 
 
 def _needed(joint: ScrewJoint, thread: float) -> float:
-    """All of a captured nut, a loose nut and one pitch beyond it, or 2.5 diameters of plastic."""
+    """Required engagement, mm: a whole captured nut, a loose nut plus one pitch, or 2.5 diameters of plastic."""
     if joint.holder == "captured nut":
         return bought_mm("nut_m3", "thickness") - INSIDE_MM
     if joint.holder == "insert":
-        return thread  # S: one diameter of brass
+        return thread  # S: one diameter in brass
     if joint.holder == "loose nut":
         return bought_mm("nut_m4", "thickness") + bought_mm(joint.thread, "pitch") - INSIDE_MM
     return PLASTIC_DIAMETERS * thread
@@ -213,10 +217,12 @@ def _head(joint: ScrewJoint) -> tuple[str, str]:
 
 
 def upright_spans(mesh: trimesh.Trimesh, lines: np.ndarray, up: bool) -> list[Spans]:
-    """Solid spans along upright lines, as coordinates along a screw.
+    """Solid spans along lines parallel to z, as coordinates along a screw, mm.
 
     Args:
-        mesh: closed. lines: (n, 2) their x, y, mm. up: whether the screw points to +z; else they are -z.
+        mesh: closed mesh, endcap frame, mm.
+        lines: (n, 2) x, y of the lines, mm.
+        up: whether the screw points to +z; if not, the coordinates are -z.
     """
     sign = 1.0 if up else -1.0
     origins = np.column_stack([lines, np.full(len(lines), -sign * FAR_MM)])

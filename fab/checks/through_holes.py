@@ -1,6 +1,7 @@
-"""Is every hole of the mold's pieces whole? A blind one that breaks out, or two that meet, change a mesh's genus.
+"""Checks of the number of through holes of the mold's pieces, by the genus of their meshes.
 
-A closed surface with V corners, E edges and F faces in one piece has ``(2 - V + E - F) / 2`` holes through it (Euler).
+A blind hole that breaks out, or two holes that meet, change the genus. A closed connected surface with V corners, E
+edges and F faces has the genus ``(2 - V + E - F) / 2`` (Euler), which is the number of holes through the body.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from fab.checks.check import Check
 
 
 def through_hole_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Holes through each piece of cup and core and the hanger, against those that are wanted.
+    """Checks of the number of through holes of each piece of cup and core and of the hanger.
 
     Args:
-        layout: mold sizes. meshes: closed meshes by name of the part; others are left out.
+        layout: mold sizes.
+        meshes: closed meshes by name of the part; other parts are ignored.
     """
     return [
         Check(f"{name}.through_holes", through_holes(mesh), low=wanted, high=wanted)
@@ -29,16 +31,16 @@ def through_hole_checks(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh
 
 
 def through_holes(mesh: trimesh.Trimesh) -> int:
-    """How many holes go through a closed mesh of one piece.
+    """Number of through holes (genus) of a closed connected mesh.
 
     Args:
-        mesh: closed.
+        mesh: closed mesh.
     """
     return (2 - int(mesh.euler_number)) // 2
 
 
 def _wanted(layout: MoldLayout, name: str) -> int | None:
-    """Bolts go through cup pieces, as do the pilot holes of a low collar; vents and screws through the hanger."""
+    """Nominal number of holes: bolts and, in a low collar, pilot holes of the cup; vents and screws of the hanger."""
     screws = {joint.anchor: len(joint.places) for joint in screw_joints(layout)}
     if name.startswith("core_"):
         return 0

@@ -1,7 +1,7 @@
-"""Meshes as one GLB (glTF 2.0): named, coloured, in metres with y up, as the standard asks.
+"""Meshes as one GLB (glTF 2.0) with names and colours, in metres with y up, as the standard requires.
 
-The meshes are those of the files, so the interface comes with its gyroid, which as a solid would have a hundred
-thousand faces; the STEP assemblies hold its flange and the gyroid's envelope instead.
+The meshes are those of the files, so that the interface includes its gyroid, which as a solid would have a hundred
+thousand faces; the STEP assemblies contain its flange and the gyroid's envelope instead.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ def write_glb(
     """Write parts of a design in place, or displaced.
 
     Args:
-        design: parts and meshes. names: parts to write.
-        offsets: (x, y, z) of displaced parts by name, mm; the others stay in place. path: of the file.
+        design: design with parts and meshes.
+        names: names of the parts to write.
+        offsets: displacement (x, y, z) of parts by name, endcap frame, mm; the others stay in place.
+        path: the file.
 
     Raises:
         FileError: the file could not be written.

@@ -1,4 +1,4 @@
-"""``index.html`` of an export folder: what is in it and what to do next, readable without this toolkit or a network."""
+"""``index.html`` of an export folder: its contents and the next steps, readable without this toolkit or a network."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def write_index(
     """Write ``preview.glb`` and ``index.html``.
 
     Args:
-        variant: what the folder holds.
-        manifest: its content, as it will be written.
-        checks: all of them, passed.
-        preview: the GLB that turns.
-        folder: holds all other files.
+        variant: variant of the design in the folder.
+        manifest: content of ``manifest.json``, as it will be written.
+        checks: all checks, passed.
+        preview: content of ``preview.glb``, which the page shows rotating.
+        folder: folder with all other files.
     """
     (folder / PREVIEW).write_bytes(preview)
     (folder / PAGE).write_text(_page(variant, manifest, checks, preview, folder), encoding="utf-8")

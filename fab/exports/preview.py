@@ -1,7 +1,7 @@
-"""A small GLB of an endcap and its mold, for pages: coarse meshes, positions as 16-bit numbers (KHR_mesh_quantization).
+"""Small GLB of an endcap and its mold, for pages: coarse meshes, 16-bit positions (KHR_mesh_quantization).
 
-Metres with y up, as glTF asks. Each node carries in its extras the group it belongs to (``endcap`` or ``mold``) and its
-displacement when the parts are pulled apart, so that one file shows both.
+Metres with y up, as glTF requires. The extras of each node contain its group (``endcap`` or ``mold``) and its
+displacement in the exploded view, so that one file shows both.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import trimesh
 from fab.meshing.mesh import unique_rows
 
 LARGEST_BYTES = 1_400_000  # of the GLB: 1.9 MB as base64 in a page
-SHORT = 32767
-METRE = 1e-3
+SHORT = 32767  # largest 16-bit position
+METRE = 1e-3  # metres per millimetre
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # endcap's z becomes glTF's y
 
 
@@ -28,11 +28,11 @@ class PreviewPart:
     """One part of a preview.
 
     Attributes:
-        name: of the part.
+        name: name of the part.
         group: ``endcap`` or ``mold``.
-        mesh: triangles, endcap frame, mm; need not be closed.
-        color: as shown on a screen (sRGB).
-        apart_mm: displacement when pulled apart.
+        mesh: triangles, endcap frame, mm; not necessarily closed.
+        color: sRGB in 0..1.
+        apart_mm: displacement in the exploded view, endcap frame, mm.
     """
 
     name: str
@@ -43,11 +43,11 @@ class PreviewPart:
 
 
 def clustered(mesh: trimesh.Trimesh, cell_mm: float) -> trimesh.Trimesh:
-    """A mesh with one vertex a cell of a grid: sheets thinner than a cell become one layer of triangles.
+    """Mesh with one vertex per cell of a grid; sheets thinner than a cell become one layer of triangles.
 
     Args:
         mesh: any mesh, mm.
-        cell_mm: side of a cell.
+        cell_mm: side of a cell, mm.
     """
     cells = np.floor(mesh.vertices / cell_mm).astype(np.int64)
     _, index = unique_rows(cells - cells.min(axis=0))
@@ -63,7 +63,7 @@ def glb(parts: Sequence[PreviewPart]) -> bytes:
     """Parts as one GLB.
 
     Args:
-        parts: none of them empty.
+        parts: the parts; none is empty.
     """
     scene: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "endcap toolkit"},
@@ -86,12 +86,12 @@ def glb(parts: Sequence[PreviewPart]) -> bytes:
 
 
 def _put_part(scene: dict[str, Any], number: int, part: PreviewPart) -> bytes:
-    """Add one part's entries to the scene; returns its vertices and faces, each padded to four bytes."""
+    """Add one part's entries to the scene; returns its vertices and faces as bytes, each padded to four bytes."""
     used, faces = np.unique(part.mesh.faces, return_inverse=True)
     points = METRE * np.asarray(part.mesh.vertices)[used] @ Y_UP.T
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-9)
-    vertices = np.zeros((len(used), 4), dtype=np.int16)  # a vertex begins on four bytes
+    vertices = np.zeros((len(used), 4), dtype=np.int16)  # vertices are aligned to four bytes
     vertices[:, :3] = np.round((points - middle) / half * SHORT)
     kind, index = (5123, np.uint16) if len(used) < 65536 else (5125, np.uint32)
     data = vertices.tobytes(), faces.reshape(-1).astype(index).tobytes()
@@ -125,5 +125,5 @@ def _padded(length: int) -> int:
 
 
 def linear_color(color: np.ndarray) -> np.ndarray:
-    """A colour as shown on a screen (sRGB, IEC 61966-2-1) to the linear one that glTF holds."""
+    """Convert a colour from sRGB (IEC 61966-2-1) to the linear values of glTF, both in 0..1."""
     return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)

@@ -1,4 +1,4 @@
-"""What the preview of an export shows: every part, coarse, with its displacement when the parts are pulled apart."""
+"""Parts in the preview of an export: coarse meshes with their displacements in the exploded view."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from fab.design import PRODUCT, Design
 from fab.exports.preview import LARGEST_BYTES, PreviewPart, clustered, glb
 from fab.meshing.mesh import from_manifold, joined, tessellate, to_manifold
 
-TOLERANCES_MM = (0.1, 0.2, 0.4, 0.8)  # of the parts' surfaces, until the file is small enough
-CELL_MM = 2.0  # of the gyroid: its sheet becomes one layer
-SHELL_TOLERANCE_MM = 0.15
+TOLERANCES_MM = (0.1, 0.2, 0.4, 0.8)  # of the parts' surfaces, tried until the file is small enough
+CELL_MM = 2.0  # side of a cell for the gyroid, whose sheet becomes one layer
+SHELL_TOLERANCE_MM = 0.15  # of the shell's surfaces
 
-Offsets = Mapping[str, tuple[float, float, float]]
+Offsets = Mapping[str, tuple[float, float, float]]  # part -> displacement in mm
 
 
 def preview_glb(design: Design, offsets: Offsets) -> bytes:
-    """The preview of a design, at most ``LARGEST_BYTES`` long where any tolerance reaches that.
+    """Preview of a design as GLB, at most ``LARGEST_BYTES`` long if a tolerance in :data:`TOLERANCES_MM` suffices.
 
     Args:
-        design: solids and meshes.
-        offsets: displacements of the endcap's parts when pulled apart, mm.
+        design: design with solids and meshes.
+        offsets: displacements (x, y, z) of the endcap's parts in the exploded view, by name, mm.
     """
     shell = tessellate(design.parts["shell"].solid, SHELL_TOLERANCE_MM)
     gyroid, flange = _interface(design)
@@ -38,7 +38,7 @@ def preview_glb(design: Design, offsets: Offsets) -> bytes:
 
 
 def _interface(design: Design) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """(gyroid, flange): the sheet as one layer of triangles; the flange as it is."""
+    """Meshes ``(gyroid, flange)``: the sheet as one layer of triangles, and the unchanged flange."""
     whole, height = to_manifold(design.meshes["interface"]), design.params.flange_thickness_mm
     flange = from_manifold(whole.trim_by_plane((0.0, 0.0, -1.0), -height).simplify(TOLERANCES_MM[0]))
     mesh = design.meshes["interface"]
@@ -49,7 +49,7 @@ def _interface(design: Design) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
 def _parts(
     design: Design, offsets: Offsets, ready: Mapping[str, trimesh.Trimesh], tolerance_mm: float
 ) -> list[PreviewPart]:
-    """All parts of endcap and mold; the interface is in both."""
+    """All parts of endcap and mold; the interface is in both groups."""
     mold = _mold_offsets(design)
 
     def part(name: str, group: str, apart: tuple[float, float, float]) -> PreviewPart:
@@ -61,12 +61,12 @@ def _parts(
 
 
 def simplified(mesh: trimesh.Trimesh, tolerance_mm: float) -> trimesh.Trimesh:
-    """A closed mesh with fewer triangles, its surface moved by no more than a tolerance."""
+    """Closed mesh with fewer triangles, whose surface deviates by at most a tolerance."""
     return from_manifold(to_manifold(mesh).simplify(tolerance_mm))
 
 
 def _mold_offsets(design: Design) -> dict[str, tuple[float, float, float]]:
-    """Displacements that pull the mold apart: bowl up, collar outward, hanger down, core pieces apart in the middle."""
+    """Displacements of the mold's exploded view, mm: bowl up, collar outward, hanger down, core pieces apart inside."""
     size = design.params.outer_radius_mm
     heights = {
         "cup_bowl": 1.6,

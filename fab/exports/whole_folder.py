@@ -1,15 +1,15 @@
-"""Folders that a command writes whole: complete or not at all, and nothing of the user's in them is touched.
+"""Atomic writing of a command's folder: it appears complete or not at all, and the user's own files in it remain.
 
-A command fills a hidden folder beside the final one. Its record (``manifest.json``, ``slice.json`` and the like) lists
-every file with its SHA-256, so a later run replaces exactly the files of the earlier one: what the user put beside them
-stays where it is, and a listed file that the user has changed is refused, not overwritten.
+A command fills a hidden folder next to the final one. Its record (``manifest.json``, ``slice.json`` and the like) lists
+every file with its SHA-256, so that a later run replaces exactly the files of the earlier one: files that the user
+added remain, and a listed file that the user has changed is not overwritten, but raises an error.
 
-Standard library only: `make clean` reads the records without the environment.
+Standard library only, because `make clean` reads the records without the environment.
 
 Notes:
-    A new folder takes its name by one rename. Where a folder stands, the hidden one is renamed to ``.NAME.ready-*``
-    once everything has been checked, and its files are moved in one by one, the record last; a process that is killed
-    in between leaves a folder that the next start finishes. Hidden folders are locked (:mod:`cad.whole_file`).
+    A new folder gets its name by one rename. Where the folder exists, the hidden one is renamed to ``.NAME.ready-*``
+    after all checks, and its files are moved one by one, the record last; if the process is killed meanwhile, the next
+    start completes the moves. Hidden folders are locked (:mod:`cad.whole_file`).
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cad.errors import FileError
-from cad.whole_file import MEDIUM_FULL, lock_of_the_dead, locked_folder, remove_partial
+from cad.whole_file import MEDIUM_FULL, lock_if_free, locked_folder, remove_partial
 
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # ignored while files are moved
 
 
 @contextmanager
 def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: None) -> Iterator[Path]:
-    """Yield a folder to fill, whose files go to ``final`` if nothing is raised and vanish otherwise.
+    """Yield a folder to fill, whose files are moved to ``final`` at the end, or removed after an exception.
 
     Args:
-        final: where the files belong; what the user keeps there stays.
-        record: name of the JSON file that lists the others (:func:`write_record`); it must be among them.
-        ask: called once all is written and before any of it appears; what it raises leaves nothing.
+        final: final folder of the files; the user's own files in it remain.
+        record: name of the JSON file that lists the others (:func:`write_record`); it must be in the folder.
+        ask: called after all files are written and before any appears; if it raises, nothing is published.
 
     Raises:
-        FileError: the place cannot be written, the disk is full, or a file there is the user's; what stood at
-            ``final`` before is untouched.
+        FileError: the folder cannot be written, the disk is full, or a file to be replaced is the user's; the earlier
+            content of ``final`` is unchanged.
     """
     with _as_file_error(final):
         final = final.resolve()
@@ -67,7 +67,9 @@ def write_record(folder: Path, name: str, content: Mapping[str, Any]) -> None:
     """Write a folder's record: ``content``, and under ``files`` the SHA-256 of every other file in the folder.
 
     Args:
-        folder: what is recorded. name: of the record's file in it. content: the rest of the record, plain JSON.
+        folder: the recorded folder.
+        name: name of the record's file in it.
+        content: other content of the record, plain JSON.
     """
     files = {path: file_sha256(folder / path) for path in _files_in(folder) if path != name}
     (folder / name).write_text(json.dumps({**content, "files": files}, indent=1) + "\n", encoding="utf-8")
@@ -100,7 +102,7 @@ def require_ours(final: Path, record: str) -> dict[str, str]:
     """Files that an earlier run wrote to a folder and that this run may replace, path -> SHA-256.
 
     Raises:
-        FileError: the user has changed one of them since, or the place is not a folder.
+        FileError: the user has changed one of them, or the path is not a folder.
     """
     if final.exists() and not final.is_dir():
         raise FileError(f"{final}: is a file where a folder belongs: rename it, or name another place with exports=DIR")
@@ -115,11 +117,11 @@ def require_ours(final: Path, record: str) -> dict[str, str]:
 
 
 def sweep(final: Path, record: str) -> None:
-    """Finish or remove what killed runs left beside a folder: a partial one goes, a ready one is moved into place."""
+    """Clean up after killed runs next to a folder: remove partial folders, and move the files of ready ones."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as free:
+            if free:
                 _move_in(path, final, record)
 
 
@@ -129,16 +131,16 @@ def file_sha256(path: Path) -> str:
 
 
 def _publish(partial: Path, final: Path, record: str) -> None:
-    """Let a filled folder appear under its name."""
+    """Give a filled folder its final name, or move its files into the existing folder."""
     try:
-        partial.rename(final)  # onto nothing, or onto an empty folder
+        partial.rename(final)  # possible if ``final`` is missing or an empty folder
         return
     except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
             raise
     other = os.open(final, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(other, fcntl.LOCK_EX)  # of two runs that end at the same time, one after the other
+        fcntl.flock(other, fcntl.LOCK_EX)  # serialises two runs that end at the same time
         listed = require_ours(final, record)
         for name in _files_in(partial):
             if name not in listed and name != record and (final / name).exists():
@@ -151,7 +153,7 @@ def _publish(partial: Path, final: Path, record: str) -> None:
 
 
 def _move_in(ready: Path, final: Path, record: str) -> None:
-    """Move a checked folder's files into place, the record last: done again after a kill, it goes on."""
+    """Move a checked folder's files into place, the record last; after a kill, a repeated call continues."""
     final.mkdir(exist_ok=True)
     if (ready / record).exists():
         for name in listed_files(final, record).keys() - listed_files(ready, record).keys():
@@ -163,13 +165,13 @@ def _move_in(ready: Path, final: Path, record: str) -> None:
 
 
 def _files_in(folder: Path) -> list[str]:
-    """All files of a folder, as paths inside it."""
+    """Paths of all files in a folder, relative to it."""
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """No signal ends this process inside: the files are moved in a few milliseconds, and then the run is over."""
+    """Context in which the ending signals are ignored; moving the files takes a few milliseconds."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -195,7 +197,7 @@ def _as_file_error(final: Path) -> Iterator[None]:
 
 
 def _is_elsewhere(name: object, final: Path) -> bool:
-    """Whether an error's file is neither beside a folder nor above it: then another exports folder does not help."""
+    """Whether an error's file is neither next to a folder nor above it: another exports folder does not help then."""
     if not isinstance(name, (str, os.PathLike)):
         return False
     path, exports = Path(name).resolve(), final.resolve().parent

@@ -1,6 +1,6 @@
-"""Write what an export folder holds: meshes, solids, assemblies, pictures, manifest.
+"""Writer of an export folder's files: meshes, solids, assemblies, pictures, manifest.
 
-A second run with the same parameters gives the same bytes.
+Runs with equal parameters give equal bytes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MANIFEST = "manifest.json"
 DIGITS = 9  # significant figures in the manifest
-EXPLODED_GAP_MM = 28.0  # room for the labels
+EXPLODED_GAP_MM = 28.0  # between parts in the exploded view: room for the labels
 
 
 def write_meshes(design: Design, folder: Path) -> None:
@@ -45,7 +45,7 @@ def write_meshes(design: Design, folder: Path) -> None:
 
 
 def write_solids(design: Design, folder: Path) -> None:
-    """Write ``<part>.step`` for every printed or cast part; that of the interface has flange and gyroid envelope."""
+    """Write ``<part>.step`` for every printed or cast part; the interface's contains flange and gyroid envelope."""
     from build123d import Compound
 
     for name, part in design.parts.items():
@@ -65,7 +65,7 @@ def write_shape(shape: Shape, path: Path) -> None:
 
     try:
         export_step(shape, path)
-    except RuntimeError as error:  # the kernel says only that it failed, at a full disk above all
+    except RuntimeError as error:  # the kernel reports only that it failed, mostly on a full disk
         raise FileError(
             f"{path.name}: cannot be written ({error}): free some space or name another folder with exports=DIR"
         ) from error
@@ -73,13 +73,15 @@ def write_shape(shape: Shape, path: Path) -> None:
 
 
 def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
-    """Write one part as 3MF, in the words of the format's core alone.
+    """Write one part as 3MF with the elements of the format's core specification only.
 
-    trimesh (4) names five extensions that it does not use, draws identifiers of one of them at random, and repeats them
-    all at the item, which the consortium's own reader refuses as strict.
+    trimesh (4) declares five extensions that it does not use, gives random identifiers of one of them, and repeats all
+    of them at the item, which the 3MF consortium's own reader refuses in strict mode.
 
     Args:
-        mesh: of the part, mm. name: of the part. path: of the file.
+        mesh: mesh of the part, mm.
+        name: name of the part.
+        path: the file.
     """
     named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
     scene = trimesh.Scene()
@@ -91,13 +93,13 @@ def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
             data = re.sub(rb'<item xmlns="[^"]*"', b"<item", data)
             info = ZipInfo(member)
             info.compress_type = ZIP_DEFLATED
-            archive.writestr(info, data, compresslevel=1)  # a third of the time of 6
+            archive.writestr(info, data, compresslevel=1)  # takes a third of the time of level 6
 
 
 def write_assemblies(design: Design, folder: Path) -> None:
     """Write the endcap assembled and exploded, and the closed mold, each as STEP and GLB.
 
-    The GLB has the interface's gyroid; the STEP has its flange and the gyroid's envelope.
+    The GLB contains the interface's gyroid; the STEP contains its flange and the gyroid's envelope.
     """
     mold = (*design.mold, "interface")
     for stem, names, offsets in (
@@ -111,7 +113,7 @@ def write_assemblies(design: Design, folder: Path) -> None:
 
 
 def _with_envelope(design: Design, name: str) -> Part:
-    """A part as it goes into a STEP assembly."""
+    """A part for a STEP assembly: the interface with the gyroid's envelope, the others unchanged."""
     from build123d import Compound
 
     part = design.parts[name]
@@ -119,14 +121,14 @@ def _with_envelope(design: Design, name: str) -> Part:
 
 
 def exploded_offsets_mm(design: Design) -> dict[str, tuple[float, float, float]]:
-    """Displacements that pull the endcap apart along its axis."""
+    """Displacements (x, y, z) of the endcap's parts in the exploded view, by name, mm."""
     order = ("arm_adapter", "base", "camera", "ring_spacer", "led_ring", "interface", "shell")
     spans = {name: (design.meshes[name].bounds[0][2], design.meshes[name].bounds[1][2]) for name in order}
     return exploded_offsets(spans, EXPLODED_GAP_MM)
 
 
 def picture_items(design: Design) -> tuple[list[PictureItem], list[PictureItem]]:
-    """What the pictures show: the endcap's parts from the tip down, with their displacements; and all parts."""
+    """Items of the pictures: the endcap's parts from the tip down with their displacements, and all parts."""
     offsets = exploded_offsets_mm(design)
     product = [_item(design, name, offsets[name]) for name in sorted(PRODUCT, key=lambda n: -offsets[n][2])]
     return product, [_item(design, name) for name in design.parts]
@@ -136,8 +138,9 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
     """Write ``exploded.png``, ``section.png`` and ``parts.png``.
 
     Args:
-        product: what the exploded view and the section show. parts: those of the sheet of parts. folder: receives the
-            files.
+        product: items of the exploded view and the section.
+        parts: items of the sheet of parts.
+        folder: folder of the files.
     """
     render_exploded(product, folder / "exploded.png")
     render_section(product, folder / "section.png")
@@ -145,10 +148,12 @@ def write_pictures(product: Sequence[PictureItem], parts: Sequence[PictureItem],
 
 
 def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str, Any]:
-    """Everything a reader or a program needs to know of the parts, in a fixed order.
+    """Content of ``manifest.json``: data of design, parts, checks and files, in a fixed order.
 
     Args:
-        design: parts, meshes and sizes. checks: results of the gates. folder: holds the files, already written.
+        design: design with parts, meshes and sizes.
+        checks: all checks.
+        folder: folder of the files, which are already written.
     """
     values = {check.name: check.value for check in checks}
     parts = []
@@ -185,7 +190,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
 
 
 def write_manifest(content: dict[str, Any], folder: Path) -> None:
-    """Write ``manifest.json``: the content, and last the digests of all files that are no part's."""
+    """Write ``manifest.json``: the content, followed by the digests of all files that do not belong to a part."""
     listed = {name for part in content.get("parts", []) for name in part["files"]}
     shared = sorted(path for path in folder.iterdir() if path.name not in listed)
     whole = {**content, "files": {path.name: file_sha256(path) for path in shared}}

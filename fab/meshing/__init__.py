@@ -1,1 +1,1 @@
-"""Solids to triangle meshes, and the gyroid that exists as a mesh only."""
+"""Triangle meshes of solids, and the gyroid, which exists as a mesh only."""

@@ -1,7 +1,7 @@
-"""The mold's space round the gyroid as voxels, and where a ball gets in it: what thick silicone can fill (mm).
+"""Voxels of the mold's space round the gyroid, and the part that a ball reaches, a model of viscous silicone (mm).
 
-Silicone is poured dome down: it comes from above the zone (the dome) and must fill the space between mold core and cup
-down to the flange, through both labyrinths of the gyroid.
+Silicone is poured dome-down: it enters from the dome's side (above the zone in the endcap frame) and must fill the
+space between mold core and cup as far as the flange, through both labyrinths of the gyroid.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from cad.params import EndcapParams
 from fab.meshing.mesh import to_manifold
 from fab.meshing.voxels import VoxelBox, inside, within
 
-BALL_DIAMETER_MM = 2.5  # the issue's measure of what 35,000 cP silicone gets through
+BALL_DIAMETER_MM = 2.5  # ball that represents 35,000 cP silicone
 COVERED_SHARE = 0.80  # E: below it the bond has voids; sets the thinnest wall in cad.feasible
-VOXEL_MM = 0.3
-VOXEL_MARGIN = 0.25  # of a voxel, by which the nearest TPU lies nearer than its voxel's centre (bench/gyroid_ball.csv)
+VOXEL_MM = 0.3  # side of a voxel
+VOXEL_MARGIN = 0.25  # of a voxel, by which the nearest TPU is closer than its voxel's centre (bench/gyroid_ball.csv)
 
 
 @dataclass(frozen=True)
 class CastSpace:
-    """The mold's space around the zone as voxels, all (nx, ny, nz).
+    """Voxels of the mold's space around the zone, arrays (nx, ny, nz) unless stated.
 
     Attributes:
-        box: where the voxels are.
-        radius: distance from the sphere's centre, mm.
-        height: (nz,) mm.
-        tpu: the interface above its flange.
-        space: between core and cup, above the flange.
+        box: positions of the voxels.
+        radius: distance of their centres from the sphere's centre, mm.
+        height: (nz,) heights of their centres above the mating plane, mm.
+        tpu: bool, the interface above its flange.
+        space: bool, the space between core and cup above the flange.
     """
 
     box: VoxelBox
@@ -46,7 +46,9 @@ def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VO
     """Voxels of TPU and of the space between core and cup, from the flange to a ball above the zone.
 
     Args:
-        params: the design. mesh: the whole interface, mm. voxel_mm: side of a voxel.
+        params: design of the endcap.
+        mesh: mesh of the whole interface, mm.
+        voxel_mm: side of a voxel, mm.
     """
     floor, top = params.flange_thickness_mm, params.interlock_top_mm + BALL_DIAMETER_MM
     widest = params.outer_radius_mm
@@ -62,16 +64,18 @@ def cast_space(params: EndcapParams, mesh: trimesh.Trimesh, voxel_mm: float = VO
 
 
 def ball_reach(params: EndcapParams, cast: CastSpace, diameter_mm: float = BALL_DIAMETER_MM) -> tuple[float, float]:
-    """Where a ball gets that starts in the silicone above the zone.
+    """Region that a ball reaches which starts in the silicone above the zone.
 
-    With ``VOXEL_MARGIN`` the covered share at 0.3 mm voxels is 0.02 to 0.04 lower than at 0.15 mm, 0.09 and more where
-    a passage hardly lets the ball through: on the safe side. So only the finer ones can refuse.
+    With ``VOXEL_MARGIN`` the covered share at 0.3 mm voxels is 0.02 to 0.04 lower than at 0.15 mm, and 0.09 or more
+    where the ball hardly passes. This is on the safe side, and only a result at 0.15 mm may refuse an export.
 
     Args:
-        params: the design. cast: voxels of the mold's space. diameter_mm: of the ball.
+        params: design of the endcap.
+        cast: voxels of the mold's space.
+        diameter_mm: diameter of the ball, mm.
 
     Returns:
-        ``(share of the zone's void that the ball covers, least gap between ball and flange in mm)``.
+        ``(share, gap)``: share of the zone's voids that the ball covers, and least gap between ball and flange, mm.
     """
     step, radius = cast.box.step_mm, diameter_mm / 2
     free = (cast.radius > params.inner_radius_mm + radius) & (cast.radius < params.outer_radius_mm - radius)

@@ -1,15 +1,16 @@
-"""The gyroid in the silicone: a sheet of uniform wall on the flange, 10 % of the zone's volume unless asked (mm).
+"""The gyroid in the silicone: a sheet of uniform wall on the flange, by default 10 % of the zone's volume (mm).
 
-How it is made: the signed distance to the gyroid surface is sampled on a grid that fits the zone (:mod:`.zone_grid`),
-so no node is wasted and no boolean is needed to cut the sheet to it; marching cubes of +t/2 and of -t/2 and end faces
-on the zone's sides close the sheet (:mod:`fab.meshing.gyroid_sheet`); manifold3d joins it to the flange, once, when the
-period is right.
+The signed distance to the gyroid surface is sampled on a grid that fits the zone (:mod:`.zone_grid`), so that no node
+is wasted and no boolean is needed to cut the sheet to the zone. Marching cubes of +t/2 and of -t/2 (t wall thickness)
+and end faces on the zone's sides form the closed sheet (:mod:`fab.meshing.gyroid_sheet`). After the period has been
+found, manifold3d joins the sheet to the flange once.
 
 Notes:
     Surface: g = sin x cos y + sin y cos z + sin z cos x = 0 with x = 2 pi X / L (A. H. Schoen, NASA TN D-5541, 1970).
-    One Newton step along the gradient gives the distance to first order, g / |grad g|; a second step from the foot of
-    the first takes one per cent of bias off the wall; what spread is left is the grid's (bench/gyroid.csv).
-    A sheet of wall t fills 3.09 t / L: 3.0915 is the gyroid's area per period squared.
+    One Newton step along the gradient gives the distance to first order, g / |grad g|; a second step from the foot
+    point of the first removes one per cent of bias of the wall; the remaining spread is due to the grid
+    (bench/gyroid.csv). A sheet of wall t has the volume fraction 3.09 t / L, with 3.0915 the gyroid's area in a cube
+    of side L over L^2.
 """
 
 from __future__ import annotations
@@ -34,30 +35,30 @@ from fab.meshing.repair import without_crossings
 from fab.meshing.zone_grid import SKIRT_MM, ZoneGrid, zone_grid
 
 WALL_MM = 0.45  # E: one line of a 0.4 mm nozzle
-DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % in print; the export gates at 3e-3
-STEP_MM = 0.6  # knee of bench/gyroid.csv
+DENSITY_TOLERANCE = 5e-4  # relative: 10.00 % as printed in reports; the export's limit is 3e-3
+STEP_MM = 0.6  # grid step at the knee of bench/gyroid.csv
 AREA_PER_PERIOD = 3.0915  # area of the gyroid in a cube of its period, over the period squared
-PHASE_MM = (0.137, 0.291, 0.413)  # keeps symmetry planes of the gyroid off the axis, and nodes off zero
+PHASE_MM = (0.137, 0.291, 0.413)  # offset of the gyroid: keeps its symmetry planes off the axis, and nodes off zero
 PHASE_SHIFTS_MM = (0.0, 1.9, 3.8, 5.7)  # along the axis, off the gyroid's own half and quarter periods
-THINNER, THICKER = 1.5e-3, 0.8e-3  # relative freedom of the wall: facets add 7 to 8e-3, and the gate takes 1e-2
-ROOMY_WALL_MM = 7.0  # from it on the ball reaches 0.84 of the voids and more (24 sizes, docs/sizes.md)
-SPARE_SHARE = 0.005  # the gate measures the file again, with the flange joined to it
-MAX_TRIALS = 6
-Phase = tuple[float, float, float]
-_CLEAR_MM = 0.01  # corners of the sheet keep this far from the plane of the flange: no slivers where the two join
+THINNER, THICKER = 1.5e-3, 0.8e-3  # relative changes allowed to the wall: facets add 7 to 8e-3, and the limit is 1e-2
+ROOMY_WALL_MM = 7.0  # thicker walls: the ball reaches at least 0.84 of the voids (24 sizes, docs/sizes.md)
+SPARE_SHARE = 0.005  # margin of the covered share, as the check measures the file with the flange again
+MAX_TRIALS = 6  # meshes at each phase
+Phase = tuple[float, float, float]  # offset x, y, z of the gyroid in mm
+_CLEAR_MM = 0.01  # least distance of the sheet's corners from the flange's plane: no slivers where the two join
 
 
 @dataclass(frozen=True)
 class InterfaceMesh:
-    """The printed interface.
+    """Mesh of the printed interface and its sizes.
 
     Attributes:
-        mesh: closed mesh of flange and gyroid, coordinates as an STL holds them.
-        period_mm: period of the gyroid.
-        wall_mm: thickness of its sheet.
-        density: TPU in the zone over the zone's volume, after islands were dropped.
-        dropped_fraction: TPU in islands that hung free at the zone's edge, over the TPU of the sheet.
-        zone_volume_mm3: volume of the zone.
+        mesh: closed mesh of flange and gyroid, coordinates rounded to float32 as in an STL, mm.
+        period_mm: period of the gyroid, mm.
+        wall_mm: thickness of its sheet, mm.
+        density: TPU in the zone over the zone's volume, after removal of islands.
+        dropped_fraction: TPU in unconnected islands at the zone's edge over the TPU of the sheet.
+        zone_volume_mm3: volume of the zone, mm3.
     """
 
     mesh: trimesh.Trimesh
@@ -69,23 +70,23 @@ class InterfaceMesh:
 
 
 def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
-    """Mesh of the whole TPU interface, its period tuned to the design's fraction of TPU.
+    """Mesh of the whole TPU interface, with the period tuned to the design's volume fraction of TPU.
 
     Args:
-        params: the design.
-        step_mm: grid step at 10 % TPU; the knee of its curve is the default.
+        params: design of the endcap.
+        step_mm: grid step at 10 % TPU, mm.
 
     Raises:
-        GeometryError: no period within reach gives the density, or the mesh is not closed.
+        GeometryError: no tried period gives the density, or the mesh is not closed.
     """
-    step_mm *= min(1.0, RELEASED_GYROID / params.gyroid)  # the wall's spread goes as step over period
+    step_mm *= min(1.0, RELEASED_GYROID / params.gyroid)  # the wall's spread grows with step over period
     return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)))
 
 
 def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
-    """The sheet alone, period tuned; needs no CAD kernel. It reaches a little into the flange, to fuse with it.
+    """Mesh of the sheet alone, with tuned period, without the CAD kernel; it overlaps the flange to fuse with it.
 
-    Below ``ROOMY_WALL_MM`` the phase is one at which a ball reaches the voids, if there is one.
+    Below ``ROOMY_WALL_MM`` the phase is one at which a ball reaches the voids, if one exists.
     """
     grid = zone_grid(params, step_mm)
     nodes = grid.points()
@@ -105,14 +106,14 @@ def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMes
 
 
 def roomy(sheets: Iterable[InterfaceMesh], covered: Callable[[InterfaceMesh], float]) -> InterfaceMesh:
-    """The first sheet whose voids a ball reaches with something to spare, else the one of which it reaches most.
+    """The first sheet whose voids a ball reaches with a margin, else the one with the largest covered share.
 
-    In a thin wall a row of the gyroid's passages can be as narrow as the ball; moved along its axis, the same gyroid
-    has wider ones there.
+    In a thin wall a row of the gyroid's passages can be as narrow as the ball; the same gyroid shifted along the axis
+    has wider passages there.
 
     Args:
-        sheets: of one density, at different phases.
-        covered: sheet -> share of its voids that the ball reaches.
+        sheets: sheets of one density at different phases.
+        covered: function that gives the share of a sheet's voids that the ball reaches.
     """
     best, most = None, -1.0
     for sheet in sheets:
@@ -121,18 +122,18 @@ def roomy(sheets: Iterable[InterfaceMesh], covered: Callable[[InterfaceMesh], fl
             return sheet
         if share > most:
             best, most = sheet, share
-    assert best is not None  # ``tuned`` raises where there is none
+    assert best is not None  # ``tuned`` raises if there is no sheet
     return best
 
 
 def with_flange(sheet: InterfaceMesh, flange: trimesh.Trimesh) -> InterfaceMesh:
-    """The sheet fused with the flange's mesh."""
+    """Mesh of the sheet fused with the flange."""
     joined = from_manifold(to_manifold(sheet.mesh) + to_manifold(flange))
     return replace(sheet, mesh=without_crossings(joined, joint_band_mm(float(flange.bounds[1][2]))))
 
 
 def joint_band_mm(floor_mm: float) -> tuple[float, float]:
-    """Heights between which booleans cut the sheet: round the flange's top. Elsewhere its faces are the grid's own."""
+    """Range of heights about the flange's top in which booleans cut the sheet, mm; other faces are the grid's."""
     return floor_mm - 2 * SKIRT_MM, floor_mm + 2 * SKIRT_MM
 
 
@@ -145,19 +146,19 @@ def standing_sheet(
     newton_steps: int = 2,
     phase_mm: Phase = PHASE_MM,
 ) -> tuple[trimesh.Trimesh, float]:
-    """The sheet, less what does not stand on the flange.
+    """Mesh of the sheet without the bodies that are not connected to the flange.
 
     Args:
-        grid: the zone's grid.
-        nodes: its points.
-        period_mm: period of the gyroid.
-        floor_mm: top of the flange; bodies of the sheet that reach below it stand on it.
-        wall_mm: thickness of the sheet.
-        newton_steps: see :func:`gyroid_distance_mm`.
-        phase_mm: where a node of the gyroid lies.
+        grid: grid of the zone.
+        nodes: its points, mm.
+        period_mm: period of the gyroid, mm.
+        floor_mm: height of the flange's top, mm; bodies of the sheet that reach below it stand on the flange.
+        wall_mm: thickness of the sheet, mm.
+        newton_steps: Newton steps of :func:`gyroid_distance_mm`.
+        phase_mm: position of a node of the gyroid, mm.
 
     Returns:
-        ``(mesh, dropped volume in mm^3)``.
+        ``(mesh, volume of the removed bodies in mm3)``.
     """
     distance = gyroid_distance_mm(nodes, period_mm, 3 * grid.step_mm, newton_steps, phase_mm)
     sheet = sheet_mesh(grid, distance, wall_mm / 2)
@@ -171,7 +172,7 @@ def standing_sheet(
 
 
 def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimesh, float]:
-    """The connected bodies that reach below a height, and the volume (mm^3) of the others."""
+    """Mesh of the connected bodies that reach below a height, and the volume of the others, mm3."""
     edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
     links = coo_matrix((np.ones(len(edges), dtype=np.int8), edges.T), shape=(len(mesh.vertices),) * 2)
     count, body = connected_components(links, directed=False)
@@ -187,18 +188,19 @@ def drop_islands(mesh: trimesh.Trimesh, floor_mm: float) -> tuple[trimesh.Trimes
 def tuned(
     trial: Callable[[float, float, Phase], InterfaceMesh], wanted: float = RELEASED_GYROID
 ) -> Iterator[InterfaceMesh]:
-    """Bring the density to its target, once at each phase: by the period, the last tenths of a per cent by the wall.
+    """Yield for each phase a sheet of the wanted density, tuned by the period and finally by the wall.
 
-    Density goes as wall over period. It jumps where a change of period sets an island free or ties it down, so no
-    period may give the target; the wall (a few micrometres) moves no island. Where a jump lies on the target itself,
-    the phase is passed over: moved along its axis, the gyroid has other islands.
+    The density is proportional to wall over period. It jumps where a change of period disconnects or connects an
+    island, so that possibly no period gives the target; the last tenths of a per cent are therefore tuned by the wall
+    (a few micrometres), which does not affect islands. A phase at which a jump coincides with the target is skipped:
+    the gyroid shifted along the axis has other islands.
 
     Args:
-        trial: period and wall in mm, and phase -> the sheet they give.
-        wanted: fraction of TPU.
+        trial: function that makes a sheet from period, mm, wall, mm, and phase, mm.
+        wanted: volume fraction of TPU.
 
     Raises:
-        GeometryError: at no phase within the tolerance after ``MAX_TRIALS`` meshes.
+        GeometryError: at no phase the density is within its tolerance after ``MAX_TRIALS`` meshes.
     """
     found = False
     for shift in PHASE_SHIFTS_MM:
@@ -225,14 +227,14 @@ def tuned(
 def gyroid_distance_mm(
     points: np.ndarray, period_mm: float, band_mm: float, newton_steps: int = 2, phase_mm: Phase = PHASE_MM
 ) -> np.ndarray:
-    """Signed distance to the gyroid surface, held to ``-band_mm..band_mm``.
+    """Signed distance to the gyroid surface, clipped to ``-band_mm..band_mm``.
 
     Args:
-        points: (..., 3) mm.
-        period_mm: period of the gyroid.
-        band_mm: where the distance matters; outside it only its sign does.
-        newton_steps: 1 for g / |grad g|; each further step goes on from the foot of the last, inside the band.
-        phase_mm: where a node of the gyroid lies.
+        points: (..., 3) points, mm.
+        period_mm: period of the gyroid, mm.
+        band_mm: distance up to which the result is accurate, mm; beyond it only the sign is.
+        newton_steps: 1 for g / |grad g|; each further step starts from the foot point of the last one, inside the band.
+        phase_mm: position of a node of the gyroid, mm.
 
     Returns:
         (...) distances in mm.
@@ -252,7 +254,7 @@ def gyroid_distance_mm(
 
 
 def _gyroid(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Field (n,) and gradient (n, 3) at phases (n, 3) in radians."""
+    """Field g (n,) and its gradient (n, 3) at phases (n, 3) in radians."""
     sines, cosines = np.sin(phase), np.cos(phase)
     value = (sines * np.roll(cosines, -1, axis=-1)).sum(-1)  # sin x cos y + sin y cos z + sin z cos x
     gradient = cosines * np.roll(cosines, -1, axis=-1) - sines * np.roll(sines, 1, axis=-1)
@@ -260,7 +262,7 @@ def _gyroid(phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def volume_above(mesh: trimesh.Trimesh, height_mm: float) -> float:
-    """Volume (mm^3) of a closed mesh above a plane: the flux of (z - height) through its faces, clipped there."""
+    """Volume of a closed mesh above a plane, mm3: the flux of (z - height) e_z through its faces above the plane."""
     triangles = mesh.triangles - (0, 0, height_mm)
     top = triangles[..., 2].max(axis=1)
     bottom = triangles[..., 2].min(axis=1)
@@ -275,7 +277,7 @@ def _flux(triangles: np.ndarray) -> float:
 
 
 def _clipped(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The parts above z = 0 of triangles that cross it: a tip, or a quadrangle as two triangles."""
+    """Parts above z = 0 of triangles that cross it: a tip, or a quadrangle as two triangles."""
     above = triangles[..., 2] > 0
     single = above.sum(axis=1) == 1
     apex = np.where(single, above.argmax(axis=1), (~above).argmax(axis=1))  # the corner alone on its side

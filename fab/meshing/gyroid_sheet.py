@@ -1,8 +1,8 @@
-"""The closed mesh of a sheet ``-c < distance < c`` sampled on a zone's grid.
+"""Closed mesh of a sheet ``-c < distance < c`` sampled on a zone's grid.
 
-Marching cubes of +c and of -c SEPARATELY give the sheet's two sides (of |distance| - c it would lose the wall where it
-is thinner than a cell). Where they meet the grid's end faces, the strip between them is capped cell by cell on the very
-same corners, so the mesh is closed to the bit; where the azimuth closes, corners are known by their grid edge.
+Separate marching cubes of +c and of -c give the sheet's two sides (those of |distance| - c would lose a wall thinner
+than a cell). On the grid's end faces, the strip between the sides is closed cell by cell on the same corners, so that
+the mesh is closed to the bit. Corners are identified by their grid edge, also where the last azimuth meets the first.
 
 Notes:
     Every corner of the mesh has a key: node number times 7, plus axis (0..2) of the edge it lies on at level -c, plus
@@ -20,23 +20,23 @@ from skimage.measure import marching_cubes
 from cad.errors import GeometryError
 from fab.meshing.zone_grid import ZoneGrid
 
-SNAP = 0.03  # of a step: nodes nearer to a level move off it, so that no sliver is born
-_NODE = 6
+SNAP = 0.03  # of a step: nodes closer to a level are moved away from it, to avoid slivers
+_NODE = 6  # last digit of a node's own key, see above
 _WHOLE = 2e-3  # marching cubes' float32 node numbers are good to 1e-4; the snap keeps crossings 1e-2 off the nodes
 # End faces as (axis across it, node at its first (0) or last (-1) end, the two axes in it, in outward order).
 _END_FACES = ((1, 0, 0, 2), (1, -1, 2, 0), (2, 0, 1, 0), (2, -1, 0, 1))
 
 
 def sheet_mesh(grid: ZoneGrid, distance: np.ndarray, half_wall_mm: float) -> trimesh.Trimesh:
-    """Closed, outward mesh of the sheet, coordinates as an STL holds them.
+    """Closed mesh of the sheet with outward faces, coordinates rounded to float32 as in an STL.
 
     Args:
         grid: the nodes.
-        distance: (turn, h, shares) signed distance to the sheet's middle, mm.
-        half_wall_mm: half the sheet's wall, c.
+        distance: (turn, h, shares) signed distance to the sheet's middle surface, mm.
+        half_wall_mm: half the sheet's wall c, mm.
 
     Raises:
-        GeometryError: the mesh does not close.
+        GeometryError: the mesh is not closed.
     """
     snap = SNAP * grid.step_mm
     field = _unambiguous(_snapped(distance.astype(np.float32), half_wall_mm, snap), half_wall_mm, snap)
@@ -64,7 +64,7 @@ def _snapped(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray:
 
 
 def _unambiguous(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray:
-    """Field without end-face cells whose corners alternate about a level: the corner nearest to it changes sides."""
+    """Field without ambiguous end-face cells (corners alternate about a level): the nearest corner changes sides."""
     field = field.copy()
     for _ in range(8):
         clean = True
@@ -78,7 +78,7 @@ def _unambiguous(field: np.ndarray, half_wall: float, snap: float) -> np.ndarray
 
 
 def _settle(face: np.ndarray, level: np.float32, snap: np.float32) -> bool:
-    """Settle one level on one end face in place; True where there was nothing to do."""
+    """Remove ambiguous cells for one level on one end face, in place; True if there were none."""
     turn = face.shape[0]
     rows, columns = np.meshgrid(np.arange(turn), np.arange(face.shape[1] - 1), indexing="ij")
     rows = np.stack([rows, (rows + 1) % turn, (rows + 1) % turn, rows], axis=-1)
@@ -95,14 +95,14 @@ def _settle(face: np.ndarray, level: np.float32, snap: np.float32) -> bool:
 
 
 def _side(field: np.ndarray, half_wall: float, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """One side of the sheet: node numbers (n, 3) of its corners, and faces that look out of the sheet."""
+    """One side of the sheet: fractional node numbers (n, 3) of its corners, and outward faces."""
     level = half_wall if side else -half_wall
     numbers, corners, _, _ = marching_cubes(field, level, gradient_direction="descent" if side else "ascent")
     return numbers.astype(np.float64), corners
 
 
 def _keys(grid: ZoneGrid, numbers: np.ndarray, side: int) -> np.ndarray:
-    """Keys of corners by the grid edge they lie on; corners inside a cell get negative ones."""
+    """Keys of corners by the grid edge on which they lie; corners inside a cell have negative keys."""
     whole = np.abs(numbers - np.round(numbers)) < _WHOLE
     start = np.where(whole, np.round(numbers), np.floor(numbers)).astype(np.int64)
     start[:, 0] %= grid.turn
@@ -134,7 +134,7 @@ def _node(axis: int, end: int, others: dict[int, np.ndarray]) -> list[np.ndarray
 def _edge_keys(
     grid: ZoneGrid, field: np.ndarray, half_wall: float, here: list[np.ndarray], there: list[np.ndarray], along: int
 ) -> list[np.ndarray]:
-    """Keys of the corner ``here`` and of the crossings on the way ``there``, in order; -1 where there is none."""
+    """Keys of the corner ``here`` and of the crossings on the edge to ``there``, in order; -1 where there is none."""
     value, after = field[tuple(here)], field[tuple(there)]
     low = [np.minimum(a, b) for a, b in zip(here, there, strict=True)]
     node, edge = (
@@ -150,7 +150,7 @@ def _edge_keys(
 
 
 def _fans(rings: np.ndarray) -> np.ndarray:
-    """Triangulate polygons (n, 12) of keys, -1 where empty. At most two corners lie on an edge, so a fan is proper."""
+    """Triangulate polygons (n, 12) of keys (-1: empty) as fans, which are valid with at most two corners on an edge."""
     rings = rings[(rings >= 0).sum(axis=1) >= 3]
     order = np.argsort(rings < 0, axis=1, kind="stable")
     rings = np.take_along_axis(rings, order, axis=1)

@@ -1,13 +1,14 @@
-"""Triangle meshes: from solids, to and from STL, to and from manifold3d.
+"""Triangle meshes: tessellation of solids, STL files, conversion to and from manifold3d.
 
-Lengths are millimetres. A mesh is a ``trimesh.Trimesh`` that was never "processed": vertices are merged only where
-they are equal to the bit, so a mesh says exactly what its file says.
+Lengths are in mm. A mesh is a ``trimesh.Trimesh`` that was never "processed": vertices are merged only where they are
+equal to the bit, so that a mesh equals its file exactly.
 
 Notes:
-    OCCT's convenience exporters take the deflection relative to each edge's length, which left volumes 2.4 % low. The
-    deflection here is absolute: every facet lies within ``tolerance_mm`` of its surface.
-    OCCT's other triangulation of the same nodes (DelaBella) takes an eighth of the time on a ball, but lays facets that
-    leave the surface by twice the tolerance: ten times the error of the cup's volume, a wall off by 0.02 mm at D=179.6.
+    OCCT's convenience exporters use a deflection relative to each edge's length, by which volumes were 2.4 % too
+    small. The deflection here is absolute: every facet lies within ``tolerance_mm`` of its surface.
+    OCCT's other triangulation of the same nodes (DelaBella) takes an eighth of the time on a ball, but its facets
+    deviate from the surface by twice the tolerance: the error of the cup's volume is ten times as large, and the wall
+    deviates by 0.02 mm at D=179.6.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ if TYPE_CHECKING:
     from build123d import Shape
 
 TOLERANCE_MM = 0.01  # knee of bench/tessellation.csv: printers resolve 0.05 mm
-SMALL_DIAMETER_MM, SMALL_TOLERANCE_MM = 105.0, 0.008  # a wedge of a small, thick core is 0.1 % off at 0.01
-ANGLE_RAD = 0.5  # keeps small fillets and holes round; 0.5 rad is 13 facets a turn at the least
-REFINEMENTS = 4
-KEPT_SOLIDS = 24  # all parts of a design
-_solids: dict[int, manifold3d.Manifold] = {}
+SMALL_DIAMETER_MM, SMALL_TOLERANCE_MM = 105.0, 0.008  # volume of a small, thick core's wedge is 0.1 % off at 0.01
+ANGLE_RAD = 0.5  # between facets: keeps small fillets and holes round; at least 13 facets per turn
+REFINEMENTS = 4  # tolerances that are tried, each half of the last
+KEPT_SOLIDS = 24  # cached bodies: all parts of a design
+_solids: dict[int, manifold3d.Manifold] = {}  # hash of a mesh -> its body; the last KEPT_SOLIDS
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def part_tolerance_mm(diameter_mm: float) -> float:
-    """Chord tolerance of a design's parts, at which each has its solid's volume to 0.1 % (a gate of the export)."""
+    """Chord tolerance of a design's parts, mm; each mesh then has its solid's volume to 0.1 % (export's limit)."""
     return SMALL_TOLERANCE_MM if diameter_mm < SMALL_DIAMETER_MM else TOLERANCE_MM
 
 
@@ -49,18 +50,18 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
 
     Args:
         solid: a build123d shape whose faces are valid.
-        tolerance_mm: largest distance of a facet from its surface.
-        angle_rad: largest angle between neighbouring facets of one surface.
+        tolerance_mm: largest distance of a facet from its surface, mm.
+        angle_rad: largest angle between neighbouring facets of one surface, radians.
 
     Returns:
-        Mesh with outward faces, coordinates rounded to what a binary STL holds (float32), without degenerate faces.
+        Mesh with outward faces, coordinates rounded to float32 as in a binary STL, without degenerate faces.
 
     Raises:
-        GeometryError: a face came back without triangles, or the mesh stayed open.
+        GeometryError: a face has no triangles, or the mesh stays open.
 
     Notes:
-        Where a bump meets the wall of a tab at a sharp angle, both facets can fall together at one tolerance; a finer
-        one distinguishes them, so an open mesh is made again at half the tolerance.
+        Where a bump meets the wall of a tab at a sharp angle, facets of both can coincide at one tolerance; a finer one
+        separates them. An open mesh is therefore made again at half the tolerance.
     """
     for attempt in range(REFINEMENTS):
         mesh = _triangulate(solid, tolerance_mm / 2**attempt, angle_rad)
@@ -70,7 +71,7 @@ def tessellate(solid: Shape, tolerance_mm: float = TOLERANCE_MM, angle_rad: floa
 
 
 def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh.Trimesh:
-    """One pass of OCCT's mesher, faces joined at equal points."""
+    """One pass of OCCT's mesher; faces are joined at equal points."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
@@ -81,12 +82,12 @@ def _triangulate(solid: Shape, tolerance_mm: float, angle_rad: float) -> trimesh
     if any(BRep_Tool.Triangulation_s(face.wrapped, TopLoc_Location()) is None for face in solid.faces()):
         raise GeometryError("a face of the solid could not be triangulated: check the solid with BRepCheck")
     corners = _facets(solid).astype(np.float64)
-    # Two faces may give a shared node as 1e-14 and 2e-14: equal at a nanometre, not in float32.
+    # Two faces may have a shared node as 1e-14 and 2e-14: equal after rounding to a nanometre, not in float32.
     return weld(np.round(corners, 6), np.arange(len(corners)).reshape(-1, 3))
 
 
 def _facets(solid: Shape) -> np.ndarray:
-    """Corners (3 n, 3) of a triangulated solid, through a file: a tenth of the time of asking for each node.
+    """Corners (3 n, 3) of a triangulated solid, mm, through a file: a tenth of the time of a call for each node.
 
     Raises:
         FileError: the temporary folder is full, or cannot be written.
@@ -108,14 +109,14 @@ def _facets(solid: Shape) -> np.ndarray:
 
 
 def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
-    """Join vertices that are equal in float32; drop triangles that collapse (sphere poles leave such) or cancel.
+    """Join vertices that are equal in float32; remove triangles that collapse (as at poles of spheres) or cancel.
 
-    Two triangles on the same corners with opposite sense are a wedge thinner than the tolerance, folded flat: where a
-    bump meets the wall of a tab at a sharp angle. Together they bound nothing.
+    Two triangles on the same corners with opposite orientation are a wedge that is thinner than the tolerance, where a
+    bump meets the wall of a tab at a sharp angle. They enclose no volume.
 
     Args:
-        points: (n, 3) coordinates in mm.
-        triangles: (m, 3) indices.
+        points: (n, 3) coordinates, mm.
+        triangles: (m, 3) indices of points.
     """
     unique, inverse = unique_rows(points.astype(np.float32))
     corners = inverse[triangles]
@@ -127,10 +128,10 @@ def weld(points: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
 
 
 def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct rows in ascending order, and each row's place (n,) among them.
+    """Distinct rows in ascending order, and the index (n,) of each row among them.
 
-    Many times quicker than ``numpy.unique`` along an axis, which compares rows as bytes: the first two columns are
-    packed into one integer, their rank and the third into another, and integers sort quickly.
+    It is many times faster than ``numpy.unique`` along an axis, which compares rows as bytes: the first two columns are
+    packed into one integer, their rank and the third column into another one, and integers are sorted quickly.
 
     Args:
         rows: (n, 3), float32 or integers from 0 to below 2**32.
@@ -143,7 +144,7 @@ def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ordered_bits(numbers: np.ndarray) -> np.ndarray:
-    """Integers below 2**32 in the order of the numbers: the bits of a float32, those of negative ones turned round."""
+    """Integers below 2**32 in the order of the numbers: the bits of a float32, inverted for negative numbers."""
     if numbers.dtype != np.float32:
         return numbers.astype(np.uint64)
     bits = numbers.view(np.uint32)
@@ -151,7 +152,7 @@ def _ordered_bits(numbers: np.ndarray) -> np.ndarray:
 
 
 def _ranked(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(order that sorts keys (n,), mask over that order of the first of each value, rank (n,) of each key's value)."""
+    """Sorting order (n,) of keys, mask (n,) in that order of each value's first key, rank (n,) of each key."""
     order = np.argsort(keys)
     ordered = keys[order]
     fresh = np.ones(len(keys), dtype=bool)
@@ -162,7 +163,7 @@ def _ranked(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def write_stl(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Write a binary STL; equal meshes give equal bytes (fixed header, faces in order)."""
+    """Write a binary STL; equal meshes give equal bytes (fixed header, faces in their order)."""
     records = np.zeros(len(mesh.faces), dtype=_STL_RECORD)
     corners = mesh.vertices[mesh.faces].astype(np.float32)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -176,17 +177,17 @@ def write_stl(path: Path, mesh: trimesh.Trimesh) -> None:
 
 
 def read_stl(path: Path) -> trimesh.Trimesh:
-    """Read a binary STL back, welding only equal corners.
+    """Read a binary STL; only equal corners are joined.
 
     Raises:
-        FileError: the file is no binary STL, or is cut short.
+        FileError: the file is not a binary STL, or is truncated.
     """
     corners = _stl_corners(path)
     return weld(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def _stl_corners(path: Path) -> np.ndarray:
-    """Corners (3 n, 3), float32, of the n triangles of a binary STL."""
+    """Corners (3 n, 3), float32, of the n triangles of a binary STL, in the file's unit."""
     data = path.read_bytes()
     count = struct.unpack("<I", data[80:84])[0] if len(data) >= 84 else 0
     if count == 0 or len(data) != 84 + count * _STL_RECORD.itemsize:
@@ -195,7 +196,7 @@ def _stl_corners(path: Path) -> np.ndarray:
 
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """Several meshes as one, faces in order; nothing is welded."""
+    """Several meshes as one, with the faces in their order; no vertices are joined."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     corners = [np.asarray(mesh.faces) + start for mesh, start in zip(meshes, starts, strict=True)]
     points = np.concatenate([np.asarray(mesh.vertices) for mesh in meshes])
@@ -203,9 +204,9 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def volume_mm3(mesh: trimesh.Trimesh) -> float:
-    """Volume of a closed mesh: the flux of x through its faces.
+    """Volume of a closed mesh, mm3: the flux of x e_x through its faces.
 
-    The same to the bit as ``mesh.volume``, which integrates moments of inertia besides and takes fifteen times as long.
+    Equal to the bit to ``mesh.volume``, which also integrates moments of inertia and takes fifteen times as long.
     """
     a, b, c = (mesh.triangles[:, k] for k in range(3))
     (_, y1, z1), (_, y2, z2) = (b - a).T, (c - b).T
@@ -213,7 +214,7 @@ def volume_mm3(mesh: trimesh.Trimesh) -> float:
 
 
 def mesh_sha256(mesh: trimesh.Trimesh) -> str:
-    """SHA-256 of a mesh's coordinates and faces, in their order."""
+    """SHA-256 of a mesh's coordinates and faces in their order."""
     digest = hashlib.sha256()
     for numbers in (np.asarray(mesh.vertices, dtype="<f8"), np.asarray(mesh.faces, dtype="<i8")):
         digest.update(f"{numbers.shape}".encode() + numbers.tobytes())
@@ -221,16 +222,16 @@ def mesh_sha256(mesh: trimesh.Trimesh) -> str:
 
 
 def to_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
-    """Hand a closed mesh to manifold3d; those asked for last are kept, as the gates ask for the same mesh many times.
+    """Convert a closed mesh to a body of manifold3d; the last ones are cached, as checks use the same mesh many times.
 
     Raises:
         GeometryError: the mesh is not an oriented 2-manifold.
     """
-    key = hash(mesh)  # of its vertices and faces
+    key = hash(mesh)  # hash of its vertices and faces
     solid = _solids.pop(key) if key in _solids else _checked_manifold(mesh)
     while len(_solids) >= KEPT_SOLIDS:
         _solids.pop(next(iter(_solids)))
-    _solids[key] = solid  # the last asked for stands last
+    _solids[key] = solid  # the most recently used one is the last
     return solid
 
 
@@ -247,6 +248,6 @@ def _checked_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
 
 
 def from_manifold(solid: manifold3d.Manifold) -> trimesh.Trimesh:
-    """Take a mesh back from manifold3d."""
+    """Mesh of a body of manifold3d."""
     mesh = solid.to_mesh()
     return weld(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64))

@@ -1,4 +1,4 @@
-"""The mesh of a part: of its solid, or by the booleans that made the solid, from the meshes of its operands."""
+"""Meshes of parts, from their solids or by the booleans of their recipes on the meshes of the operands."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fab.meshing.self_intersections import crossing_faces
 if TYPE_CHECKING:
     from build123d import Solid
 
-TOOL_ANGLE_RAD = 0.2  # tools have few faces: their tapered fillets get the facets that keep a joint's gap
-FINER = (1.0, 0.8, 0.5)  # of the tolerance: where a bump and a joint meet at a few degrees, facets of both may cross
+TOOL_ANGLE_RAD = 0.2  # finer for tools, whose tapered fillets must keep a joint's gap; they have few faces
+FINER = (1.0, 0.8, 0.5)  # factors on the tolerance: facets of a bump and a joint that meet at a few degrees may cross
 
 
 class PartMeshes:
-    """Meshes of the parts of one design; operands that parts share are meshed once.
+    """Meshes of the parts of one design; shared operands are meshed once.
 
     Attributes:
-        uncrossed: SHA-256 (:func:`fab.meshing.mesh.mesh_sha256`) of the meshes that were searched for crossings, and
-            have none.
+        uncrossed: SHA-256 (:func:`fab.meshing.mesh.mesh_sha256`) of the meshes that were searched for crossing faces
+            and have none.
     """
 
     def __init__(self, tolerance_mm: float = TOLERANCE_MM) -> None:
@@ -33,7 +33,7 @@ class PartMeshes:
         self._operands: dict[tuple[int, float], tuple[Solid, manifold3d.Manifold]] = {}
 
     def of(self, part: Part) -> trimesh.Trimesh:
-        """The closed mesh of a part, free of crossings where they can be repaired, or where finer facets have none.
+        """Closed mesh of a part, without crossing faces where repair or finer facets can remove them.
 
         Raises:
             GeometryError: a solid's mesh stays open.
@@ -41,7 +41,7 @@ class PartMeshes:
         if part.recipe is None:
             return tessellate(part.solid, self._tolerance_mm)
         mesh = self._combined(part.recipe, self._tolerance_mm)
-        if part.role == "cast":  # it takes the gyroid's imprint first
+        if part.role == "cast":  # the gyroid's imprint is subtracted first
             return mesh
         for share in FINER:
             mesh = mesh if share == 1 else self._combined(part.recipe, share * self._tolerance_mm)
@@ -53,7 +53,7 @@ class PartMeshes:
         return repaired
 
     def _combined(self, recipe: Recipe, tolerance_mm: float) -> trimesh.Trimesh:
-        """The booleans of a recipe on the meshes of its operands."""
+        """Mesh by the booleans of a recipe on the meshes of its operands."""
         body = self._operand(recipe.body, tolerance_mm)
         for tool in recipe.common:
             body = body ^ self._operand(tool, tolerance_mm, TOOL_ANGLE_RAD)
@@ -63,7 +63,7 @@ class PartMeshes:
         return from_manifold(body)
 
     def _operand(self, solid: Solid, tolerance_mm: float, angle_rad: float | None = None) -> manifold3d.Manifold:
-        """An operand's mesh; the solid is kept with it, so that its identity stays its own."""
+        """Cached body of an operand; the solid is stored with it, so that its ``id`` is not reused."""
         key = id(solid), tolerance_mm
         if key not in self._operands:
             angle = {} if angle_rad is None else {"angle_rad": angle_rad}

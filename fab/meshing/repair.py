@@ -1,9 +1,9 @@
-"""Repair of slivers: faces thinner than the coordinates are exact, which cross their neighbours (millimetres).
+"""Repair of slivers, faces thinner than the precision of the coordinates, which cross their neighbours (millimetres).
 
-Booleans leave such slivers where two surfaces only just meet, and the rounding to what an STL holds (float32) then
-folds them over. The repair is local and never opens the mesh: it collapses an edge or turns one round, both only where
-the result is a closed surface again. No vertex moves by more than :data:`REACH_MM`; the gates prove the volume and
-look for crossings once more, on the file read back.
+Booleans leave such slivers where two surfaces barely meet, and the rounding to float32 of an STL then folds them over.
+The repair is local and keeps the mesh closed: it collapses or flips an edge, both only where the result is a closed
+surface. No vertex moves by more than :data:`REACH_MM`; the export's checks measure the volume and search for crossings
+again on the file read back.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import trimesh
 
 from fab.meshing.self_intersections import crossing_faces
 
-REACH_MM = 0.05  # longest edge that may collapse: what printers resolve
-ROUNDS = 12
-_MARGIN_MM = 1.0  # round the crossings, that is looked at again after each round
+REACH_MM = 0.05  # longest edge that may collapse: the resolution of printers
+ROUNDS = 12  # most repetitions
+_MARGIN_MM = 1.0  # round the crossings: region that is searched again after each round
 
 
 def without_crossings(mesh: trimesh.Trimesh, band_mm: tuple[float, float] | None = None) -> trimesh.Trimesh:
-    """The mesh, repaired where faces cross; what cannot be repaired is left for the gates to refuse.
+    """Repair a mesh where faces cross; crossings that remain are refused by the export's checks.
 
     Args:
-        mesh: closed.
-        band_mm: heights between which faces may cross; by default, anywhere.
+        mesh: closed mesh, mm.
+        band_mm: range of heights in which faces may cross, mm; by default, all heights.
 
     Returns:
         The mesh itself where no faces cross, otherwise a repaired copy.
@@ -40,10 +40,10 @@ def without_crossings(mesh: trimesh.Trimesh, band_mm: tuple[float, float] | None
 
 
 def _treated(mesh: trimesh.Trimesh, crossing: np.ndarray, reach_mm: float) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """One round: each crossing face or a face on its edges loses its short edge or its flat corner.
+    """Repair round: collapse the short edge or flip the long edge of each crossing face or of a neighbour.
 
     Returns:
-        The mesh, and the corners (n, 3) of the faces that crossed.
+        The mesh, and the corners (n, 3) of the faces that crossed, mm.
     """
     near = _Patch(mesh, crossing)
     for face in near.ring(crossing):
@@ -54,14 +54,14 @@ def _treated(mesh: trimesh.Trimesh, crossing: np.ndarray, reach_mm: float) -> tu
 
 
 def _slab(mesh: trimesh.Trimesh, band_mm: tuple[float, float]) -> np.ndarray:
-    """Two corners of the part of the mesh's box that lies between two heights."""
+    """Lowest and highest corner of the mesh's bounding box, limited to a range of heights."""
     corners = mesh.bounds.copy()
     corners[:, 2] = band_mm
     return corners
 
 
 def _crossing_near(mesh: trimesh.Trimesh, places: np.ndarray, margin_mm: float = _MARGIN_MM) -> np.ndarray:
-    """Crossing faces among those near some places: indices into the whole mesh."""
+    """Indices in the whole mesh of the crossing faces near some places (n, 3)."""
     low, high = places.min(axis=0) - margin_mm, places.max(axis=0) + margin_mm
     box = mesh.triangles
     inside = np.flatnonzero((box.min(axis=1) <= high).all(axis=1) & (box.max(axis=1) >= low).all(axis=1))
@@ -69,7 +69,7 @@ def _crossing_near(mesh: trimesh.Trimesh, places: np.ndarray, margin_mm: float =
 
 
 class _Patch:
-    """The faces round some crossings, open to changes; the rest of the mesh stays as it is."""
+    """Editable faces round some crossings; the rest of the mesh is not changed."""
 
     def __init__(self, mesh: trimesh.Trimesh, crossing: np.ndarray) -> None:
         faces = np.asarray(mesh.faces)
@@ -79,7 +79,7 @@ class _Patch:
             rows = np.flatnonzero(touched[faces].any(axis=1))
             touched[faces[rows]] = True
         self._points = np.asarray(mesh.vertices)
-        self._rows = np.flatnonzero(touched[faces].any(axis=1))  # one ring more than may change
+        self._rows = np.flatnonzero(touched[faces].any(axis=1))  # one ring of faces more than may change
         self._all = faces
         self._faces = {int(row): tuple(int(v) for v in faces[row]) for row in self._rows}
         self._at: dict[int, set[int]] = {}
@@ -92,13 +92,13 @@ class _Patch:
         self._free = inner
 
     def ring(self, crossing: np.ndarray) -> list[int]:
-        """The crossing faces, then those that share a corner with them."""
+        """Crossing faces, followed by those that share a corner with them."""
         first = [int(face) for face in crossing]
         corners = {vertex for face in first for vertex in self._faces[face]}
         return first + sorted({row for vertex in corners for row in self._at[vertex]} - set(first))
 
     def shorten(self, face: int, reach_mm: float) -> None:
-        """Collapse the shortest edge of a face where it is within reach and the surface stays closed."""
+        """Collapse the shortest edge of a face if it is not longer than ``reach_mm`` and the surface stays closed."""
         if face not in self._faces:
             return
         corners = self._faces[face]
@@ -112,7 +112,7 @@ class _Patch:
                 return
 
     def turn(self, face: int, reach_mm: float) -> None:
-        """Turn the longest edge of a flat face round, where its corner is within reach of that edge."""
+        """Flip the longest edge of a flat face if the opposite corner is within ``reach_mm`` of that edge."""
         if face not in self._faces:
             return
         corners = self._faces[face]
@@ -130,7 +130,7 @@ class _Patch:
             self._replace(others[0], after[1])
 
     def mesh(self) -> trimesh.Trimesh:
-        """The whole mesh with what has changed; vertices that nothing uses are dropped."""
+        """The whole mesh with the changes, without unused vertices."""
         kept = np.ones(len(self._all), dtype=bool)
         faces = self._all.copy()
         for row in self._rows:
@@ -151,7 +151,7 @@ class _Patch:
         return normal / length if length > 0 else normal
 
     def _collapses(self, kept: int, gone: int) -> bool:
-        """The link condition, and no face turned over but slivers of the reach."""
+        """Whether an edge may collapse: the link condition holds, and no face is reversed except slivers."""
         around = [{v for row in self._at[vertex] for v in self._faces[row]} for vertex in (kept, gone)]
         shared = self._at[kept] & self._at[gone]
         if len(shared) != 2 or len((around[0] & around[1]) - {kept, gone}) != 2:
@@ -164,7 +164,7 @@ class _Patch:
         return True
 
     def _height(self, corners: tuple[int, ...]) -> float:
-        """Least height of a triangle."""
+        """Least height of a triangle, mm."""
         p = self._points[list(corners)]
         longest = max(float(np.linalg.norm(p[i] - p[i - 1])) for i in range(3))
         return float(np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]))) / longest if longest > 0 else 0.0

@@ -1,7 +1,7 @@
-"""Find self-intersecting faces of a mesh (millimetres).
+"""Search for self-intersecting faces of a mesh (millimetres).
 
 Notes:
-    pymeshlab is GPL-3, so it is loaded only here, only when this check runs, and nothing else needs it.
+    pymeshlab is licensed under GPL-3; it is loaded only here and when this check runs, and no other module uses it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def crossing_faces(mesh: trimesh.Trimesh) -> np.ndarray:
     """Indices of the faces that cut another face of the mesh other than along a shared edge or corner.
 
     Raises:
-        GeometryError: pymeshlab is not installed, or a system library that it needs is not.
+        GeometryError: pymeshlab or a system library that it needs is not installed.
     """
     try:
         import pymeshlab

@@ -1,6 +1,6 @@
-"""Meshes as voxels, and balls among them (millimetres): which places a ball of given size can reach.
+"""Voxels of meshes, and dilation by a ball (millimetres).
 
-A voxel is inside a mesh where its centre is. Distances are exact between voxel centres, up to a limit.
+A voxel is inside a mesh if its centre is. Distances between voxel centres are exact up to a limit.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import trimesh
 
 @dataclass(frozen=True)
 class VoxelBox:
-    """An upright box of cubic voxels.
+    """Axis-aligned box of cubic voxels.
 
     Attributes:
         low: (3,) centre of the first voxel, mm.
-        shape: voxels along x, y, z.
-        step_mm: side of a voxel.
+        shape: numbers of voxels along x, y, z.
+        step_mm: side of a voxel, mm.
     """
 
     low: np.ndarray
@@ -27,24 +27,26 @@ class VoxelBox:
 
     @staticmethod
     def around(low: np.ndarray, high: np.ndarray, step_mm: float) -> VoxelBox:
-        """Box whose voxel centres cover ``low..high``, a little off round numbers so that no ray meets an edge.
+        """Box whose voxel centres cover ``low..high``, slightly off round numbers so that no ray meets an edge.
 
         Args:
-            low, high: (3,) lowest and highest corner, mm. step_mm: side of a voxel.
+            low: (3,) lowest corner, mm.
+            high: (3,) highest corner, mm.
+            step_mm: side of a voxel, mm.
         """
         shape = np.ceil((np.asarray(high) - low) / step_mm).astype(int) + 1
         shift = step_mm * np.array([0.0713, 0.0389, 0.0])
         return VoxelBox(np.asarray(low) - shift, (int(shape[0]), int(shape[1]), int(shape[2])), step_mm)
 
     def axis(self, k: int) -> np.ndarray:
-        """Centres along one axis, mm."""
+        """Coordinates of the centres along one axis, mm."""
         return self.low[k] + self.step_mm * np.arange(self.shape[k])
 
 
 def inside(mesh: trimesh.Trimesh, box: VoxelBox) -> np.ndarray:
-    """Voxels whose centre lies in a closed mesh: (nx, ny, nz) bool, by counting crossings along z.
+    """Voxels whose centre lies in a closed mesh: (nx, ny, nz) bool, from the crossings of rays along z.
 
-    Each triangle marks the vertical rays through its projection; the turns of its normals add up to in or out.
+    Each triangle marks the vertical rays through its projection; the signs of its normals sum up to inside or outside.
     """
     corners = (mesh.triangles - box.low) / box.step_mm  # (m, 3, 3) in voxels
     first = np.maximum(np.ceil(corners[..., :2].min(axis=1)), 0).astype(np.int64)
@@ -70,11 +72,11 @@ def inside(mesh: trimesh.Trimesh, box: VoxelBox) -> np.ndarray:
 
 
 def within(solid: np.ndarray, radius: float) -> np.ndarray:
-    """Voxels nearer than ``radius`` (in voxels) to a solid voxel's centre: exact, one axis after the other.
+    """Voxels closer than ``radius`` (in voxels) to a solid voxel's centre; exact, computed axis by axis.
 
     Args:
         solid: (nx, ny, nz) bool.
-        radius: at most 15 voxels, so that squares fit a byte.
+        radius: distance in voxels, at most 15, so that squares fit into a byte.
     """
     reach = int(np.ceil(radius))
     far = np.uint8(min(255, reach**2 + 1))

@@ -1,1 +1,1 @@
-"""Pictures of parts without a screen."""
+"""Off-screen pictures of parts."""

@@ -1,7 +1,7 @@
-"""A picture being drawn without a screen: panels of shaded surfaces, labels and leader lines (plain VTK, off screen).
+"""Canvas for off-screen pictures: panels of shaded surfaces, labels and leader lines (plain VTK).
 
-Pixels are those of the finished picture, x to the right, y up, from the lower left corner. Drawn at
-``SUPERSAMPLING`` times that size and averaged down, which is what smooths edges.
+Pixels are those of the finished picture, x to the right, y up, from the lower left corner. The picture is drawn at
+``SUPERSAMPLING`` times that size and averaged, which smooths edges.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ import numpy as np
 if TYPE_CHECKING:
     from vtkmodules.vtkRenderingCore import vtkRenderer
 
-Color = tuple[float, float, float]
-Point = tuple[float, float]
-Vector = tuple[float, float, float]
+Color = tuple[float, float, float]  # RGB, 0..1
+Point = tuple[float, float]  # x, y in px of the picture, or in mm of its plane
+Vector = tuple[float, float, float]  # endcap frame
 SUPERSAMPLING = 2
 BACKGROUND: Color = (1.0, 1.0, 1.0)
-INK: Color = (0.13, 0.15, 0.18)
+INK: Color = (0.13, 0.15, 0.18)  # of labels and edges
 CREASE_DEG = 28.0  # edges sharper than this are shaded sharp and drawn
-MAX_SMOOTH_FACES = 250_000  # larger meshes have facets smaller than a pixel: flat shading, no edges
+MAX_SMOOTH_FACES = 250_000  # larger meshes have facets below a pixel: flat shading without edges
 
 
 @dataclass(frozen=True)
 class View:
-    """Orthographic view; rows of ``axes`` are the picture's right, up, and the direction toward the viewer."""
+    """Orthographic view; rows of ``axes`` are the picture's right, its up, and the direction toward the viewer."""
 
     axes: tuple[Vector, Vector, Vector]
 
     @classmethod
     def looking_from(cls, toward: Vector, up: Vector) -> View:
-        """View from a direction, with a world direction that points up in the picture."""
+        """View from the direction ``toward``, with the direction ``up`` pointing up in the picture (endcap frame)."""
         viewer = np.asarray(toward, dtype=float) / np.linalg.norm(toward)
         right = np.cross(up, viewer)
         right /= np.linalg.norm(right)
@@ -42,7 +42,7 @@ class View:
         return cls((rows[0], rows[1], rows[2]))
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Picture-plane coordinates in mm of world points: (n, 3) -> (n, 2)."""
+        """Coordinates (n, 2) in the picture's plane, mm, of points (n, 3) in the endcap frame, mm."""
         return np.asarray(points) @ np.array(self.axes[:2]).T
 
 
@@ -51,10 +51,10 @@ class Surface:
     """Triangles with one colour each.
 
     Attributes:
-        vertices: (n, 3) mm.
-        faces: (m, 3) indices.
+        vertices: (n, 3) vertices, mm.
+        faces: (m, 3) indices of vertices.
         colors: (m, 3) RGB in 0..1, or one RGB.
-        smooth: shade across shallow edges and draw the sharp ones.
+        smooth: whether shallow edges are shaded smoothly and sharp ones are drawn.
     """
 
     vertices: np.ndarray
@@ -65,7 +65,14 @@ class Surface:
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a panel puts world points: its rectangle in pixels, its scale and the mm point in its middle."""
+    """Mapping of points to the pixels of a panel.
+
+    Attributes:
+        view: the view.
+        rect: left, bottom, width and height of the panel, px.
+        centre_mm: point of the picture's plane in the middle of the panel, mm.
+        px_per_mm: scale.
+    """
 
     view: View
     rect: tuple[int, int, int, int]  # left, bottom, width, height
@@ -73,14 +80,14 @@ class Frame:
     px_per_mm: float
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Pixels of world points: (n, 3) -> (n, 2)."""
+        """Pixels (n, 2) of points (n, 3) in the endcap frame, mm."""
         left, bottom, width, height = self.rect
         middle = np.array([left + width / 2, bottom + height / 2])
         return (self.view.project(points) - np.array(self.centre_mm)) * self.px_per_mm + middle
 
 
 class Canvas:
-    """A picture of fixed size; panels, labels and lines are added, then it is read once."""
+    """Picture of fixed size in px, to which panels, labels and lines are added before it is read once."""
 
     def __init__(self, width_px: int, height_px: int) -> None:
         import vtkmodules.vtkRenderingFreeType
@@ -131,7 +138,10 @@ class Canvas:
 
         Args:
             at: (x, y) px of the picture, y upward: middle of the line's height, at the end that ``align`` names.
-            text: the line. size_px: of the font. align: ``left``, ``center`` or ``right``. color: RGB in 0..1.
+            text: the line.
+            size_px: size of the font, px.
+            align: ``left``, ``center`` or ``right``.
+            color: RGB in 0..1.
         """
         from vtkmodules.vtkRenderingCore import vtkTextActor
 
@@ -151,10 +161,12 @@ class Canvas:
         self._overlay.AddViewProp(actor)
 
     def line(self, points: Iterable[Point], color: Color = (0.45, 0.48, 0.52), width_px: float = 1.2) -> None:
-        """Draw a thin line through points, with a dot at its last.
+        """Draw a thin line through points, with a dot at the last one.
 
         Args:
-            points: (x, y) px of the picture, y upward. color: RGB in 0..1. width_px: of the line.
+            points: (x, y) of the points, px of the picture, y upward.
+            color: RGB in 0..1.
+            width_px: width of the line, px.
         """
         from vtkmodules.vtkCommonCore import vtkPoints
         from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -175,7 +187,7 @@ class Canvas:
         self._overlay.AddViewProp(actor)
 
     def image(self) -> np.ndarray:
-        """Render: (height, width, 3) uint8, first row at the top."""
+        """Render the picture: (height, width, 3) uint8 RGB, first row at the top."""
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
@@ -190,7 +202,7 @@ class Canvas:
         width, height = self.size
         k = SUPERSAMPLING
         fine = pixels.reshape(height * k, width * k, 3).astype(np.uint16)
-        total = np.full((height, width, 3), k * k // 2, dtype=np.uint16)  # so that the mean is rounded, not cut
+        total = np.full((height, width, 3), k * k // 2, dtype=np.uint16)  # rounds the mean instead of truncating
         for row in range(k):
             for column in range(k):
                 total += fine[row::k, column::k]
@@ -198,7 +210,7 @@ class Canvas:
 
 
 def _window() -> Any:
-    """A window without a screen: EGL where VTK has it, or else VTK's own choice (which asks an X server first)."""
+    """Off-screen window: EGL where VTK has it, else VTK's own choice (which tries an X server first)."""
     from vtkmodules import vtkRenderingOpenGL2
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
@@ -206,14 +218,14 @@ def _window() -> Any:
 
 
 def write_png(image: np.ndarray, path: Path) -> None:
-    """Write (h, w, 3) uint8 as PNG, without date or other metadata."""
+    """Write an image (h, w, 3) uint8 RGB as PNG, without date or other metadata."""
     from PIL import Image
 
     Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG", optimize=False)
 
 
 def _aim(renderer: vtkRenderer, frame: Frame) -> None:
-    """Parallel camera that realises the frame."""
+    """Set the renderer's parallel camera to the frame."""
     right, up, toward = (np.array(axis) for axis in frame.view.axes)
     focus = right * frame.centre_mm[0] + up * frame.centre_mm[1]
     camera = renderer.GetActiveCamera()
@@ -226,7 +238,7 @@ def _aim(renderer: vtkRenderer, frame: Frame) -> None:
 
 
 def _actors(surface: Surface) -> list[Any]:
-    """The shaded surface and, if it is smooth, its sharp edges."""
+    """VTK actors of the shaded surface and, if it is smooth, of its sharp edges."""
     from vtkmodules.vtkFiltersCore import vtkFeatureEdges, vtkPolyDataNormals
     from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
@@ -237,7 +249,7 @@ def _actors(surface: Surface) -> list[Any]:
     mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 1.0)
     actor.SetMapper(mapper)
     shade = actor.GetProperty()
-    shade.BackfaceCullingOn()  # of a closed mesh, faces turned away are never seen
+    shade.BackfaceCullingOn()  # faces of a closed mesh that face away are never visible
     shade.SetAmbient(0.12)
     shade.SetDiffuse(0.88)
     shade.SetSpecular(0.10)
@@ -268,7 +280,7 @@ def _actors(surface: Surface) -> list[Any]:
 
 
 def _poly_data(surface: Surface) -> Any:
-    """VTK's record of a surface, colours on its cells."""
+    """VTK's data of a surface, with colours on its cells."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData

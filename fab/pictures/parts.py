@@ -1,7 +1,7 @@
-"""Pictures of parts without a screen: exploded view, capped section, sheet of all parts.
+"""Off-screen pictures of parts: exploded view, capped section, sheet of all parts.
 
-Millimetres, endcap frame; orthographic views fitted to the parts, so nothing is cut off and sizes can be compared.
-Equal meshes give equal pictures on one machine. :mod:`fab.pictures.canvas` does the drawing.
+Millimetres, endcap frame; orthographic views are fitted to the parts, so that nothing is cut off and sizes can be
+compared. Equal meshes give equal pictures on one machine. :mod:`fab.pictures.canvas` draws them.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from cad.whole_file import drafted
 from fab.meshing.mesh import from_manifold, to_manifold
 from fab.pictures.canvas import Canvas, Frame, Point, Surface, View, write_png
 
-WIDTH_PX = 1600
-LABEL_RATIO = 0.015  # size of the names, of the picture's width
-SMALL_RATIO = 0.7  # size of the second line, of the first
-LETTER_RATIO = 0.55  # mean width of a letter, of its size
-GREY = (0.42, 0.45, 0.50)
+WIDTH_PX = 1600  # of a picture
+LABEL_RATIO = 0.015  # size of the names over the picture's width
+SMALL_RATIO = 0.7  # size of the second line over the first's
+LETTER_RATIO = 0.55  # mean width of a letter over its size
+GREY = (0.42, 0.45, 0.50)  # RGB, 0..1
 EXPLODED_VIEW = View.looking_from((0.50, -0.72, 0.46), up=(-0.90, -0.45, 0.0))
 SECTION_VIEW = View.looking_from((0.0, -1.0, 0.30), up=(0.0, 0.0, 1.0))
 PART_VIEW = View.looking_from((0.55, -0.80, 0.62), up=(0.0, 0.0, 1.0))
@@ -35,12 +35,12 @@ class PictureItem:
     """One part in a picture.
 
     Attributes:
-        name: label.
+        name: name of the part, its label.
         mesh: closed mesh in the endcap frame (mm).
-        color: RGB in 0..1 as shown on a screen.
+        color: sRGB in 0..1.
         role: second line of the label on the sheet of parts, for example ``printed``.
-        offset: displacement (mm) in the exploded view.
-        outside: a mesh that looks the same from outside, without what the part hides; by default ``mesh``.
+        offset: displacement (x, y, z) in the exploded view, mm.
+        outside: mesh without the hidden inside, which looks the same from outside; by default ``mesh``.
     """
 
     name: str
@@ -52,7 +52,7 @@ class PictureItem:
 
     @property
     def seen(self) -> trimesh.Trimesh:
-        """What shows of the whole part."""
+        """Mesh for views of the whole part."""
         return self.mesh if self.outside is None else self.outside
 
 
@@ -62,7 +62,10 @@ def render_exploded(
     """Draw the parts displaced by their offsets, each with its name, as one wide picture.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
+        items: the parts.
+        path: the file.
+        width_px: width of the picture, px; its height follows.
+        view: the view.
 
     Raises:
         GeometryError: no parts.
@@ -85,10 +88,12 @@ def render_exploded(
 
 
 def name_rows(names: Sequence[str], middles_px: Sequence[float], size_px: int) -> list[int]:
-    """In which of two rows each name stands, so that neighbours do not run into one another.
+    """Row (0 or 1) of each name, so that neighbouring names do not overlap.
 
     Args:
-        names: what is written. middles_px: (n,) where each is centred. size_px: of the letters.
+        names: the names, from left to right.
+        middles_px: (n,) x of their middles, px.
+        size_px: size of the letters, px.
     """
     rows, ends = [0] * len(names), [-math.inf, -math.inf]
     for k in sorted(range(len(names)), key=lambda k: middles_px[k]):
@@ -101,12 +106,15 @@ def name_rows(names: Sequence[str], middles_px: Sequence[float], size_px: int) -
 def render_section(
     items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, view: View = SECTION_VIEW
 ) -> None:
-    """Draw the half y >= 0 of the assembled parts, the cut capped in each part's colour, with leader lines.
+    """Draw the half y >= 0 of the assembled parts, with the cut in each part's colour and with leader lines.
 
-    Where two cut faces coincide, the later part shows. Offsets are ignored.
+    Where two cut faces coincide, that of the later part is visible. Offsets are ignored.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. view: from where it is seen.
+        items: the parts.
+        path: the file.
+        width_px: width of the picture, px; its height follows.
+        view: the view.
 
     Raises:
         GeometryError: no parts, none of them reaches y > 0, or a mesh is not closed.
@@ -116,7 +124,7 @@ def render_section(
     if not halves:
         raise GeometryError("section y >= 0 is empty: the parts must cross the plane y = 0")
     low, high = _bounds(view, [half.vertices for _, half in halves])
-    side = width_px // 6  # free left and right, for labels
+    side = width_px // 6  # free on the left and on the right, for labels
     scale = (width_px - 2 * side) / (high[0] - low[0])
     height = math.ceil((high[1] - low[1]) * scale) + 3 * _label_px(width_px)
     frame = Frame(view, (0, 0, width_px, height), tuple((low + high) / 2), scale)
@@ -139,8 +147,10 @@ def render_parts(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH
     """Draw every part in a cell of its own, with name, role and size.
 
     Args:
-        items: the parts. path: of the file. width_px: of the picture; its height follows. columns: cells side by side,
-            at most.
+        items: the parts.
+        path: the file.
+        width_px: width of the picture, px; its height follows.
+        columns: largest number of cells in a row.
 
     Raises:
         GeometryError: no parts.
@@ -188,17 +198,17 @@ def _bounds(view: View, places: Sequence[np.ndarray]) -> tuple[np.ndarray, np.nd
 
 
 def _half(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The part of a closed mesh with y >= 0, capped."""
+    """Closed part with y >= 0 of a closed mesh."""
     return from_manifold(to_manifold(mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0))
 
 
 def _is_cut_face(half: trimesh.Trimesh) -> np.ndarray:
-    """Which faces lie in the plane y = 0: (m,) bool."""
+    """Mask (m,) of the faces in the plane y = 0."""
     return np.abs(half.vertices[half.faces][:, :, 1]).max(axis=1) < 1e-4
 
 
 def _anchor(half: trimesh.Trimesh, cut: np.ndarray, rank: int) -> np.ndarray:
-    """Where a part's leader line ends: far out on its cut face, right and left of the axis in turn."""
+    """End (3,) of a part's leader line, mm: far out on its cut face, alternately right and left of the axis."""
     faces = half.vertices[half.faces[cut]] if cut.any() else half.vertices[half.faces]
     centres = faces.mean(axis=1)
     areas = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
@@ -207,7 +217,7 @@ def _anchor(half: trimesh.Trimesh, cut: np.ndarray, rank: int) -> np.ndarray:
 
 
 def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: int) -> None:
-    """Labels in a column at the left and at the right, joined to their points, never on one another."""
+    """Draw the labels in columns at the left and at the right without overlap, joined to their points."""
     width, height = canvas.size
     label = _label_px(width)
     line = 1.6 * label
@@ -223,7 +233,7 @@ def _label_sides(canvas: Canvas, labels: Sequence[tuple[str, Point]], side_px: i
 
 
 def _save(canvas: Canvas, path: Path) -> None:
-    """Write under a temporary name, then rename."""
+    """Write the picture under a temporary name, then rename it."""
     try:
         with drafted(path) as draft:
             write_png(canvas.image(), draft)

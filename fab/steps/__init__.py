@@ -1,1 +1,1 @@
-"""How mold and endcap are put together and taken apart: one list of steps for sweeps, words and pictures."""
+"""Steps of assembly and disassembly of mold and endcap: one list for sweeps, instructions and pictures."""

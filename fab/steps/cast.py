@@ -1,4 +1,4 @@
-"""Steps of the cast: silicone into the closed mold, and the way back to the endcap."""
+"""Steps of the cast: pouring and closing the mold, and demolding the endcap."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fab.steps.record import Move, Step, one_by_one
 
 
 def cast_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
-    """From the two halves of the mold to the demolded endcap, in order.
+    """Steps from the two halves of the mold to the demolded endcap, in order.
 
     Args:
         layout: mold sizes.
-        ways: way out of every core piece (:func:`fab.checks.extraction.core_path`).
+        ways: removal path of every core piece (:func:`fab.checks.extraction.core_path`).
     """
     return (*_poured(), _lowered(layout), _closed(), *_opened(layout), *_core_out(layout, ways))
 
@@ -47,9 +47,9 @@ def _poured() -> tuple[Step, ...]:
 
 
 def _lowered(layout: MoldLayout) -> Step:
-    """The upper half into the bowl."""
+    """Step that lowers the upper half into the bowl."""
     stroke = layout.seam_height_mm - layout.dam_top_mm
-    # Where the core went into the interface first, the hanger was lowered onto both: the core is down already.
+    # Where the core was inserted into the interface first, the hanger was lowered onto both: the core is in place.
     first = (
         "Turn the upper half over, core down." if core_passes_gyroid(layout) else "Lift the upper half off its ring."
     )
@@ -69,7 +69,7 @@ def _lowered(layout: MoldLayout) -> Step:
 
 
 def _closed() -> Step:
-    """Bolts, and what the wells show until the cure."""
+    """Step of the bolts, with the inspection of the wells until the cure."""
     return Step(
         "closed",
         "cast",
@@ -97,7 +97,7 @@ def _closed() -> Step:
 
 
 def _opened(layout: MoldLayout) -> tuple[Step, ...]:
-    """Bowl, hanger and collar off."""
+    """Steps that remove bowl, hanger and collar."""
     far = layout.params.tip_height_mm
     to_dome, to_rim = (Leg(TO_DOME, far),), (Leg(TO_RIM, far),)
     cast = ("shell", "interface")
@@ -138,7 +138,7 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
 
 
 def _core_out(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
-    """The core's pieces out of the cast."""
+    """Steps that remove the core's pieces from the cast."""
     cast, drawn_mm = ("shell", "interface"), 1.2 * layout.params.tip_height_mm
 
     def core(key: str, title: str, lines: tuple[str, ...], names: tuple[str, ...], later: tuple[str, ...]) -> Step:

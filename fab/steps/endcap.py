@@ -1,4 +1,4 @@
-"""Steps of the endcap: camera and ring into the base, the adapter onto the robot, the base under the dome."""
+"""Steps of the endcap: camera and ring into the base, base to the dome, and both to the robot's adapter."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from fab.steps.cast import cast_steps
 from fab.steps.mold import TO_DOME, TO_RIM, Ways, mold_steps
 from fab.steps.record import Leg, Move, Step
 
-HARDWARE = ("camera", "ring_spacer", "led_ring")
-INTO_BASE = (Leg(TO_DOME, 40.0),)
+HARDWARE = ("camera", "ring_spacer", "led_ring")  # parts that go into the base
+INTO_BASE = (Leg(TO_DOME, 40.0),)  # their removal path, mm
 
 
 def endcap_steps(layout: MoldLayout) -> tuple[Step, ...]:
-    """From the base to the endcap on the robot."""
+    """Steps from the base to the endcap on the robot, in order."""
     return (_inserts(), _camera(), _ring(), *_under_the_dome(layout))
 
 
 def _inserts() -> Step:
-    """Threads for the screws of the adapter."""
+    """Step of the threaded inserts for the adapter's screws."""
     return Step(
         "inserts",
         "assemble",
@@ -36,7 +36,7 @@ def _inserts() -> Step:
 
 
 def _camera() -> Step:
-    """Both cables through the base, the camera onto its posts."""
+    """Step of the cables and the camera on the base's posts."""
     return Step(
         "camera",
         "assemble",
@@ -59,7 +59,7 @@ def _camera() -> Step:
 
 
 def _ring() -> Step:
-    """Spacer and LED ring."""
+    """Step of spacer and LED ring."""
     return Step(
         "ring",
         "assemble",
@@ -81,7 +81,7 @@ def _ring() -> Step:
 
 
 def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
-    """Base to the cast, and both to the robot."""
+    """Steps that fix the base to the cast, and both to the robot."""
     down = (Leg(TO_RIM, layout.params.tip_height_mm),)
     return (
         Step(
@@ -117,5 +117,5 @@ def _under_the_dome(layout: MoldLayout) -> tuple[Step, ...]:
 
 
 def all_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
-    """Every step of the build, in order."""
+    """All steps of the build, in order."""
     return (*mold_steps(layout, ways), *cast_steps(layout, ways), *endcap_steps(layout))

@@ -1,10 +1,11 @@
-"""Can every screw, nut and insert get to its place? What it sweeps on its way in, as an exact boolean volume.
+"""Checks that screws, nuts and inserts can be inserted: their swept bodies are intersected with the parts in place.
 
-A fastener moves along its own axis (a nut along the radius), so what it sweeps is a body of cylinders or a box: the
-whole way, not places along it. It is intersected with every part that is in place at that step (manifold3d, exact on
-the triangles of the files). Heads come from :data:`ACCESS_MM` away, so the way of the hex key is swept too. What is
-meant to give way is left out: the thread that a screw cuts (its root is swept through the part it holds in), the rib
-that a nut snaps past (``nut.squeeze_mm`` gates it), the knurl of an insert that melts in. Endcap frame, mm, mm3.
+A fastener moves along its own axis (a nut along the radius), so that its swept body consists of cylinders or is a box
+and covers the whole path without sampling. The intersection with every part in place at that step is an exact boolean
+on the triangles of the files (manifold3d). Heads start at a distance of :data:`ACCESS_MM`, which includes the path of
+the hex key. Material that is meant to yield is excluded: the thread that a screw cuts (only its root is swept in the
+part that holds it), the rib past which a nut snaps (``nut.squeeze_mm`` limits it), and the knurl of an insert, which
+melts in. Endcap frame, mm, mm3.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from fab.checks.meshes import OVERLAP_MM3
 from fab.checks.screw_fit import ScrewFit
 from fab.steps.record import Step
 
-ACCESS_MM = 60.0  # from which a head comes, and a hex key after it
-CONTACT_MM = 0.01  # by which a head stays off its seat, an insert off its hole's side: facets touch
+ACCESS_MM = 60.0  # length of the path of a head, which a hex key follows
+CONTACT_MM = 0.01  # gap of a head to its seat, of an insert to its hole's side, because facets touch
 ROOT_PITCHES = 1.2269  # S: ISO 68-1, the root's diameter is the thread's less this many pitches
 NUT_CORNERS = 2 / math.sqrt(3)  # of a hexagon: across corners over across flats
 NUT_M4_FLATS_MM = 7.0  # S: ISO 4032
-SEGMENTS = 48
+SEGMENTS = 48  # facets of a cylinder
 
-Bodies = Mapping[str, manifold3d.Manifold]
+Bodies = Mapping[str, manifold3d.Manifold]  # name of a part -> its body
 
 
 def fastener_checks(
@@ -42,14 +43,14 @@ def fastener_checks(
     fits: Sequence[ScrewFit],
     robot: str = DEFAULT_ROBOT,
 ) -> list[Check]:
-    """One check for every step in which something is driven or pushed in.
+    """Checks of the shared volume, one for every step with screws, nuts, inserts or pins.
 
     Args:
-        params: the design.
-        steps: what is done; screws that are loosened go the way they came.
-        bodies: of the parts in place (:func:`fab.steps.sweep.step_bodies`).
-        fits: how the screws of every joint sit.
-        robot: what the arm adapter fits.
+        params: design of the endcap.
+        steps: steps of the work; screws are removed along the path of their insertion and not checked again.
+        bodies: bodies of the parts in place, by name (:func:`fab.steps.sweep.step_bodies`).
+        fits: fit of the screws of every joint.
+        robot: row of ``robot_sides.csv`` that the arm adapter fits.
     """
     checks = []
     for step in steps:
@@ -70,21 +71,24 @@ def fastener_checks(
 
 
 def screw_overlap_mm3(fit: ScrewFit, step: Step, bodies: Bodies) -> float:
-    """Volume that the screws of a joint share, on their way in, with all parts in place.
+    """Volume that the swept screws of a joint share with all parts in place, mm3.
 
     Args:
-        fit: the joint with its screws. step: in which they are driven. bodies: of the parts in place.
+        fit: fit of the joint's screws.
+        step: step in which they are driven.
+        bodies: bodies of the parts in place, by name.
     """
     moving = [name for move in step.moves for name in (*move.parts, *move.past)]
-    near = {*moving, *step.in_place, *fit.joint.through, fit.joint.anchor} - {"shell"}  # silicone gives way
+    near = {*moving, *step.in_place, *fit.joint.through, fit.joint.anchor} - {"shell"}  # silicone yields
     return sum(_shared_mm3(screws_on_their_way(fit, name), bodies[name]) for name in sorted(near & set(bodies)))
 
 
 def screws_on_their_way(fit: ScrewFit, part: str) -> manifold3d.Manifold:
-    """What the screws of a joint sweep, as a part feels it: heads and washers, shanks, nuts that come from beyond.
+    """Swept body of a joint's screws against one part: heads and washers, shanks, and loose nuts from the other side.
 
     Args:
-        fit: the joint with its screws. part: in the anchor's own plastic only the thread's root counts.
+        fit: fit of the joint's screws.
+        part: name of the part; in an anchor of plastic only the thread's root is swept.
     """
     joint = fit.joint
     cuts = joint.holder == "plastic" and part == joint.anchor
@@ -106,7 +110,7 @@ def screws_on_their_way(fit: ScrewFit, part: str) -> manifold3d.Manifold:
 
 
 def nuts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
-    """What the ten square nuts sweep from the bore to their seats, less the height by which they snap past the rib."""
+    """Swept body of the ten square nuts from bore to seat, less the height by which they snap past the rib."""
     half = bought_mm("nut_m3", "across_flats") / 2
     start, end = params.bore_radius_mm - 4 * half, params.screw_circle_radius_mm + half
     box = manifold3d.Manifold.cube([end - start, 2 * half, POCKET_HEIGHT_MM - RIB_HEIGHT_MM - 2 * CONTACT_MM])
@@ -116,7 +120,7 @@ def nuts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
 
 
 def inserts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
-    """What the five inserts, less their knurl, sweep from below to where they lie flush."""
+    """Swept body of the five inserts without knurl, from below to their flush position."""
     bottom = -params.base_thickness_mm
     depth, radius = bought_mm("insert_m4", "length"), ARM_INSERT_RADIUS_MM - 2 * CONTACT_MM
     inserts = [_cylinder(place, radius, bottom - ACCESS_MM, bottom + depth, True) for place in arm_places_mm(params)]
@@ -124,10 +128,10 @@ def inserts_on_their_way(params: EndcapParams) -> manifold3d.Manifold:
 
 
 def robot_fixings_on_their_way(params: EndcapParams, robot: str) -> manifold3d.Manifold | None:
-    """What the robot's screws and pin sweep in the adapter, before the base is on it; ``None``: a blank side.
+    """Swept body of the robot's screws and pin in the adapter, without the base on it; ``None`` for a blank side.
 
-    They come from above. A head goes down to its pocket's floor; the pin, which is pressed, is swept with the contact's
-    play.
+    They are inserted from above. A head is swept down to its pocket's floor; the pin, which is pressed in, is reduced
+    by :data:`CONTACT_MM`.
     """
     high = -params.base_thickness_mm
     low, swept = high - THICKNESS_MM, []
@@ -142,7 +146,7 @@ def robot_fixings_on_their_way(params: EndcapParams, robot: str) -> manifold3d.M
 
 
 def _cylinder(place: tuple[float, float], radius: float, start: float, end: float, up: bool) -> manifold3d.Manifold:
-    """Upright cylinder between two coordinates along the screw (z, or -z if it points down)."""
+    """Cylinder along z between two coordinates along the screw (z, or -z if it points down), mm."""
     low = start if up else -end
     body = manifold3d.Manifold.cylinder(end - start, radius, circular_segments=SEGMENTS)
     return body.translate([*place, low])

@@ -1,8 +1,9 @@
-"""Steps of the mold: its two halves put together.
+"""Steps that assemble the two halves of the mold.
 
-The collar comes first at every size: its bore passes neither the interface nor the core. Where the gyroid ring lets the
-core through from the dome's side, its pieces are lowered one by one; where it closes in over the core's equator (small
-D), they go into the interface through the bore, as they will come out. Sweeps prove either order on every export.
+The collar is placed first at every size, because its bore passes neither the interface nor the core. Where the core
+passes the gyroid ring from the dome's side, its pieces are lowered one by one; where the ring is narrower than the
+core's equator (small D), they are inserted into the interface through the bore, along their removal paths. Sweeps
+prove the order of every export.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from cad.params import EndcapParams
 from fab.checks.extraction import Leg
 from fab.steps.record import Move, Step, one_by_one
 
-Ways = Mapping[str, tuple[Leg, ...]]  # way out of every core piece
+Ways = Mapping[str, tuple[Leg, ...]]  # name of a core piece -> its removal path
 CORE = REMOVAL_ORDER
 CENTRE, KEYS, WEDGES = CORE[:1], CORE[1:4], CORE[4:]
-UPPER = ("hanger", *COLLAR, "interface", *CORE)
+UPPER = ("hanger", *COLLAR, "interface", *CORE)  # parts of the upper half
 HAND_MM = 0.2  # E: room between a bump and the gyroid for lowering by hand
-TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+TO_DOME, TO_RIM = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)  # unit vectors
 AGENT = "Release agent on every PLA face that will touch silicone, seams too; let it dry as its label says."
 CORE_AGENT = f"{AGENT} Do so before a piece meets the interface: none may reach the gyroid."
 NUMBERS = (
     "Keys look alike, and so do wedges, but their bumps differ. Hole up and round side away from you, number 1 has its "
     "hole on the left, 2 in the middle, 3 on the right."
-)  # as cad.mold_layout drills them (core_screws_mm)
+)  # holes: cad.mold_layout.MoldLayout.core_screws_mm
 
 
 def core_passes_gyroid(layout: MoldLayout) -> bool:
@@ -47,11 +48,11 @@ def core_passes_gyroid(layout: MoldLayout) -> bool:
 
 
 def mold_steps(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
-    """From the printed parts to the two halves of the mold, in order.
+    """Steps from the printed parts to the two halves of the mold, in order.
 
     Args:
         layout: mold sizes.
-        ways: way out of every core piece (:func:`fab.checks.extraction.core_path`).
+        ways: removal path of every core piece (:func:`fab.checks.extraction.core_path`).
     """
     return (*_upper_half(layout, ways), *_lower_half(layout))
 
@@ -160,7 +161,7 @@ def _core_in_interface(layout: MoldLayout, ways: Ways) -> tuple[Step, ...]:
 
 
 def _soft_ring(params: EndcapParams) -> str:
-    """How wide and how high it is: inside the gyroid's lower edge, and higher than the core reaches below that."""
+    """Inner width and height of the soft ring, as text: the gyroid lies on it and the core hangs inside it."""
     above = params.interlock_top_mm - params.centre_height_mm
     width = 2 * math.sqrt(zone_radii_mm(params)[0] ** 2 - above**2)
     depth = params.centre_height_mm + params.inner_radius_mm + params.dent_depth_mm - params.interlock_top_mm

@@ -1,12 +1,12 @@
-"""How near the axis and how far from it a body reaches at each height: where spans do not meet, nothing is shared.
+"""Radial extent of bodies at each height; bodies whose extents are disjoint share no volume.
 
-A boolean of two bodies that lie one inside the other, with air between them, costs as much as one of two that touch.
-Most pairs of the mold are such: core and cup, cup and cast once they are some millimetres apart. Slabs of height
-:data:`SLAB_MM` across the axis of the endcap frame prove it for little. Millimetres.
+A boolean of two bodies, one of which encloses the other at a distance, takes as long as one of two touching bodies.
+Most pairs of the mold are of this kind: core and cup, or cup and cast once they are some millimetres apart. Slabs of
+height :data:`SLAB_MM` normal to the axis of the endcap frame prove cheaply that they are disjoint. Millimetres.
 
-In a slab, a body lies between the least and the largest distance of its facets from the axis, unless it holds the axis
-itself. It can hold the axis between the lowest and the highest facet that cross it only, and counts as reaching it
-there.
+In a slab, a body lies between the least and the largest distance of its facets from the axis, unless it contains the
+axis itself. It can contain the axis only between the lowest and the highest facet that the axis crosses, and its least
+distance is taken as 0 there.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-SLAB_MM = 1.0
-ROUNDING_MM = 1e-3  # well over what float32 coordinates and a turn of them lose at 250 mm
+SLAB_MM = 1.0  # height of a slab
+ROUNDING_MM = 1e-3  # well above the rounding of float32 coordinates and of their rotation at 250 mm
 
 
 @dataclass(frozen=True)
 class RadialSpans:
-    """Distances from the axis between which a body lies, slab by slab.
+    """Range of distances from the axis of a body, slab by slab.
 
     Attributes:
         first: number of the lowest slab; slab k reaches from ``k * SLAB_MM`` to the next.
-        near: (n,) least distance in each slab, mm; infinite where the body is not.
-        far: (n,) largest distance, mm; minus infinite where the body is not.
+        near: (n,) least distance in each slab, mm; infinite where the body is absent.
+        far: (n,) largest distance in each slab, mm; minus infinite where the body is absent.
     """
 
     first: int
@@ -36,14 +36,14 @@ class RadialSpans:
     far: np.ndarray
 
     def raised(self, height_mm: float) -> RadialSpans:
-        """Spans of the body moved along the axis: no less than it fills there, as a slab then covers parts of two."""
+        """Spans that enclose the body after a move along the axis, by which a slab may cover parts of two slabs, mm."""
         whole = math.floor(height_mm / SLAB_MM)
         near = np.minimum(np.append(self.near, np.inf), np.append(np.inf, self.near))
         far = np.maximum(np.append(self.far, -np.inf), np.append(-np.inf, self.far))
         return RadialSpans(self.first + whole, near, far)
 
     def clear_of(self, other: RadialSpans) -> bool:
-        """Whether two bodies certainly share nothing."""
+        """Whether the spans prove that two bodies share no volume."""
         start = max(self.first, other.first)
         end = min(self.first + len(self.near), other.first + len(other.near))
         if end <= start:
@@ -55,10 +55,10 @@ class RadialSpans:
 
 
 class BodySpans:
-    """Spans of one body, as it lies and shifted square to the axis; each made once.
+    """Spans of one body in place and after shifts normal to the axis, each made once.
 
     Args:
-        body: closed.
+        body: closed body, endcap frame, mm.
     """
 
     def __init__(self, body: manifold3d.Manifold) -> None:
@@ -105,13 +105,13 @@ def radial_spans(corners: np.ndarray) -> RadialSpans:
 
 
 def axis_distances_mm(triangles: np.ndarray) -> np.ndarray:
-    """Distance (n,) of the origin from triangles (n, 3, 2) of a plane; 0 inside of one."""
+    """Distances (n,) of the origin from plane triangles (n, 3, 2), mm; 0 inside a triangle."""
     starts, ends = triangles, np.roll(triangles, -1, axis=1)
     edges = ends - starts
     squared = np.einsum("nij,nij->ni", edges, edges)
     along = -np.einsum("nij,nij->ni", starts, edges) / np.where(squared > 0, squared, 1.0)
     nearest = starts + np.clip(along, 0.0, 1.0)[..., None] * edges
     distances = np.hypot(nearest[..., 0], nearest[..., 1]).min(axis=1)
-    sides = starts[..., 0] * ends[..., 1] - starts[..., 1] * ends[..., 0]  # on which side of each edge the origin lies
+    sides = starts[..., 0] * ends[..., 1] - starts[..., 1] * ends[..., 0]  # sign: side of the origin
     inside = (sides > 0).all(axis=1) | (sides < 0).all(axis=1)
     return np.where(inside, 0.0, distances)

@@ -1,7 +1,7 @@
-"""A step of work as data: which parts move, along which way, past which parts that are in place.
+"""Records of the steps of work: the parts that move, their paths, and the parts in place that they pass.
 
-Sweeps (:mod:`fab.steps.sweep`), words and pictures (:mod:`fab.build_sheet`) are made from the same records. Endcap
-frame, millimetres.
+Sweeps (:mod:`fab.steps.sweep`), instructions and pictures (:mod:`fab.build_sheet`) are made from the same records.
+Endcap frame, millimetres.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ Look = Literal["from above", "from the side", "dome down", "dome down, from the 
 
 @dataclass(frozen=True)
 class Move:
-    """One body of parts on its way.
+    """Move of parts that form one rigid body.
 
     Attributes:
-        parts: what moves as one.
-        way_out: legs from its place outward; a part that enters goes the same way in reverse.
-        past: parts in place while it moves.
+        parts: names of the parts that move together.
+        way_out: legs of the path from their place outward; parts that enter follow it in reverse.
+        past: names of the parts in place during the move.
     """
 
     parts: tuple[str, ...]
@@ -36,18 +36,18 @@ class Step:
     """One step of work.
 
     Attributes:
-        key: stable name: of its picture, and of its entry in the manifest.
-        stage: part of the work it belongs to.
-        title: what is done.
-        lines: how, as sentences; names in braces are filled in by the build sheet.
-        moves: in their order; empty where nothing but hands and silicone moves.
-        enters: whether the parts come in or go out.
-        screws: joints (beginnings of their names) that are driven, or loosened, in this step.
-        look: from where the picture is drawn.
-        shown: parts in the picture that do not move, if not those that the moves pass.
-        cut: parts of the picture that are drawn in half.
-        extras: things in the picture that are no parts (``nuts``, ``inserts``, ``silicone``, ``dots``).
-        drawn_mm: how far the last part to enter, or the first to leave, is drawn from its place.
+        key: stable name of its picture and of its entry in the manifest.
+        stage: stage of the work.
+        title: its action, as a heading.
+        lines: its instructions, as sentences; the build sheet replaces names in braces.
+        moves: moves in their order; empty where no part moves.
+        enters: whether the parts are inserted (or else removed).
+        screws: beginnings of the names of the joints whose screws are driven or loosened.
+        look: view of the picture.
+        shown: parts in the picture that do not move; None for those that the moves pass.
+        cut: parts that the picture shows in half.
+        extras: objects in the picture that are not parts (``nuts``, ``inserts``, ``silicone``, ``dots``).
+        drawn_mm: distance from its place at which the last part to enter, or the first to leave, is drawn, mm.
     """
 
     key: str
@@ -65,7 +65,7 @@ class Step:
 
     @property
     def in_place(self) -> tuple[str, ...]:
-        """Parts that the picture shows unmoved."""
+        """Names of the parts that the picture shows in place."""
         if self.shown is not None:
             return self.shown
         moving = {name for move in self.moves for name in move.parts}
@@ -75,13 +75,13 @@ class Step:
 def one_by_one(
     names: Iterable[str], way_out: tuple[Leg, ...] | dict[str, tuple[Leg, ...]], past: Iterable[str], enters: bool
 ) -> tuple[Move, ...]:
-    """Moves of parts that come or go singly.
+    """Moves of parts that are inserted or removed one at a time.
 
     Args:
-        names: in the order in which they move.
-        way_out: of all, or of each.
-        past: what is in place besides them.
-        enters: parts that have entered stay in the way of those that follow; parts that have left do not.
+        names: names of the parts in the order of their moves.
+        way_out: removal path of all parts, or of each by its name.
+        past: names of the other parts in place.
+        enters: whether they are inserted: inserted parts are in place for those that follow, removed ones are not.
     """
     names, past = tuple(names), tuple(past)
     moves = []

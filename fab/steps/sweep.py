@@ -1,12 +1,13 @@
-"""Can the steps be done? Every move is swept past everything in place, and what overlaps is an exact boolean volume.
+"""Checks that the steps can be done: every move is swept past all parts in place, which must not overlap.
 
-A body is put at places along its way, close together where surfaces still touch, and intersected with each part in
-place (manifold3d, exact on the triangles of the files). The worst volume of a step gates the export. Volumes in mm3.
-Where distances from the axis prove that the two share nothing (:mod:`fab.steps.radial_spans`), no boolean is made.
+A body is placed at positions along its path, which are dense where surfaces still touch, and intersected with each part
+in place (manifold3d, exact on the triangles of the files). The largest volume of a step must not exceed the limit of
+the check. Volumes are in mm3. Where distances from the axis prove that two bodies are disjoint
+(:mod:`fab.steps.radial_spans`), no boolean is made.
 
-Two bodies stand for more than they are: the interface is its flange and the whole envelope of its gyroid, and the
-silicone is what the closed mold encloses, gyroid included. So the shape of the cast is that of the pieces themselves,
-less the fin that stands in a joint between the halves of a bump: it is as thin as the joint, and gives way as flash.
+Two bodies are replaced by larger ones: the interface by its flange and the whole envelope of its gyroid, and the
+silicone by the space that the closed mold encloses, gyroid included. The shape of the cast is therefore that of the
+pieces themselves, without the fin in a joint between the halves of a bump, which is as thin as the joint and yields.
 """
 
 from __future__ import annotations
@@ -29,20 +30,20 @@ from fab.meshing.mesh import tessellate, to_manifold
 from fab.steps.radial_spans import BodySpans
 from fab.steps.record import Move, Step
 
-FIRST = (0.004, 0.02, 0.06, 0.15, 0.3, 0.6, 1.0)  # places on the first leg, as fractions: surfaces still touch there
-FLASH_MM = 0.03  # of the silicone in the joints that counts: the rest is flash, which gives way
-LATER = (0.15, 0.4, 0.7, 1.0)
+FIRST = (0.004, 0.02, 0.06, 0.15, 0.3, 0.6, 1.0)  # sampled fractions of the first leg: surfaces still touch there
+FLASH_MM = 0.03  # depth of the silicone in the joints that counts; the rest is flash, which yields
+LATER = (0.15, 0.4, 0.7, 1.0)  # sampled fractions of the other legs
 
-Bodies = Mapping[str, manifold3d.Manifold]
+Bodies = Mapping[str, manifold3d.Manifold]  # name of a part -> its body
 
 
 def sweep_checks(layout: MoldLayout, steps: Iterable[Step], bodies: Bodies) -> list[Check]:
-    """One check for every step with moves: the largest volume in which a moving part meets one in place.
+    """Checks of the largest volume that a moving part shares with one in place, one for every step with moves.
 
     Args:
         layout: mold sizes.
-        steps: what is done.
-        bodies: of all parts that the steps name (:func:`step_bodies`).
+        steps: steps of the work.
+        bodies: bodies of all parts that the steps name (:func:`step_bodies`).
     """
     spans = cache(lambda name: BodySpans(bodies[name]))
     return [
@@ -62,13 +63,13 @@ def step_bodies(
     meshes: Mapping[str, trimesh.Trimesh],
     opened: manifold3d.Manifold | None = None,
 ) -> Bodies:
-    """What is moved, and past what, by name of the part.
+    """Bodies of all parts that the steps move or pass: name -> body.
 
     Args:
         layout: mold sizes.
-        steps: what is done.
-        meshes: closed meshes of all parts that the steps name, endcap frame.
-        opened: what :func:`fab.checks.cavity.opened_space` gave for the mold's pieces, where it is known.
+        steps: steps of the work.
+        meshes: closed meshes of all parts that the steps name, by name, endcap frame, mm.
+        opened: result of :func:`fab.checks.cavity.opened_space` for the mold's pieces, if available.
     """
     names = {name for step in steps for move in step.moves for name in (*move.parts, *move.past)}
     bodies = {name: to_manifold(meshes[name]) for name in sorted(names - {"shell", "interface"})}
@@ -88,13 +89,13 @@ def move_overlap_mm3(
     layout: MoldLayout | None = None,
     spans: Callable[[str], BodySpans] | None = None,
 ) -> float:
-    """Largest volume, over the places of the way, that the moving parts share with those in place.
+    """Largest volume over the positions of the path that the moving parts share with those in place, mm3.
 
     Args:
-        move: what moves, and past what.
-        bodies: by name of the part.
-        layout: mold sizes; with them, pieces of the core are compared along their seams, which is quicker.
-        spans: distances from the axis, by name of the part; with them, what they prove to be apart is not intersected.
+        move: the move.
+        bodies: bodies by name of the part.
+        layout: mold sizes; if given, pieces of the core are compared along their seams, which is faster.
+        spans: radial spans by name of the part; if given, bodies that they prove to be disjoint are not intersected.
     """
     way = np.array(places(move.way_out))
     shared = np.zeros(len(way))
@@ -109,7 +110,7 @@ def move_overlap_mm3(
 
 
 def places(legs: Sequence[Leg]) -> list[np.ndarray]:
-    """Displacements (3,) along a way, its start left out: what overlaps in place is gated by the assemblies' checks."""
+    """Displacements (3,) along a path without its start, mm; the assemblies' checks cover overlaps in place."""
     found, corner = [], np.zeros(3)
     for number, leg in enumerate(legs):
         step = leg.length_mm * np.array(leg.direction)
@@ -119,7 +120,7 @@ def places(legs: Sequence[Leg]) -> list[np.ndarray]:
 
 
 def _shared_mm3(body: manifold3d.Manifold, other: manifold3d.Manifold, shifts: np.ndarray) -> np.ndarray:
-    """Volume (n,) that a body shares with another at each of its shifts (n, 3)."""
+    """Volumes (n,) that a body shares with another one after each of its shifts (n, 3), mm3."""
     box = np.array(body.bounding_box()).reshape(2, 3)
     there = other.bounding_box()
     return np.array(

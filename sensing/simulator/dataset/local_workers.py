@@ -18,7 +18,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from cad import threads
-from cad.pools import let_a_cut_result_end
+from cad.pools import close_result_writer
 
 Result = TypeVar("Result")
 LOOK_S = 0.2  # between looks for a Ctrl-C
@@ -43,7 +43,7 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
             with _children_ignoring_interrupts():
                 for _ in range(workers):  # no worker is idle yet: each call starts one
                     pool.submit(os.getpid)
-            let_a_cut_result_end(pool)
+            close_result_writer(pool)
             while True:
                 running |= {pool.submit(job, *each) for each in islice(waiting, 2 * workers - len(running))}
                 if not running:

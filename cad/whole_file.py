@@ -164,14 +164,14 @@ def remove_partial(parent: Path, name: str | None = None) -> None:
         parent: where they lie. name: of the folder that they would have become; all by default.
     """
     for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as is_free:
+            if is_free:
                 shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
-def lock_of_the_dead(folder: Path) -> Iterator[bool]:
-    """Whether no living process holds a folder; inside the context, this one does."""
+def lock_if_free(folder: Path) -> Iterator[bool]:
+    """Lock a folder unless a living process holds it; yield whether the lock was taken, which lasts to the exit."""
     lock = _try_lock(folder)
     try:
         yield lock is not None

@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     interrupts = Interrupts()
     try:
-        with interrupts.heard():
+        with interrupts.handling():
             return make(parsed(words), lambda step: _run(step, interrupts))
     except EndcapError as error:
         LOG.error(f"make endcap: {error}")

@@ -16,7 +16,7 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.messages import LOG, show
 from cad.typed_folder import EXPORTS
-from cad.whole_file import lock_of_the_dead, remove_partial
+from cad.whole_file import lock_if_free, remove_partial
 from fab.cache import Cache
 from fab.exports.whole_folder import file_sha256, listed_files, sweep
 
@@ -74,8 +74,8 @@ def remove_made(exports: Path) -> int:
     count = 0
     remove_partial(exports)
     for record in _records(exports):
-        with lock_of_the_dead(record.parent) as free:
-            if not free:
+        with lock_if_free(record.parent) as is_free:
+            if not is_free:
                 continue
             try:
                 removed = _remove_listed(record)
@@ -122,8 +122,8 @@ def _remove_emptied(folder: Path, exports: Path) -> None:
     for path in (folder, *folder.parents):
         if path == exports or not path.exists():
             return
-        with lock_of_the_dead(path) as free:
-            if not free or any(path.iterdir()):
+        with lock_if_free(path) as is_free:
+            if not is_free or any(path.iterdir()):
                 return
             path.rmdir()
 

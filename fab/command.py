@@ -70,10 +70,10 @@ class Interrupts:
         return self.signal is not None
 
     @contextmanager
-    def heard(self) -> Iterator[None]:
-        """Listen inside this context, except to what is ignored from the start: by nohup, or in the background."""
-        heard = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-        before = {number: signal.signal(number, self._hear) for number in heard}
+    def handling(self) -> Iterator[None]:
+        """Handle the ending signals inside this context, except those that nohup or a shell ignores."""
+        handled = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, self._handle) for number in handled}
         try:
             yield
         finally:
@@ -85,7 +85,7 @@ class Interrupts:
         if self.came:
             raise KeyboardInterrupt
 
-    def _hear(self, number: int, _: object) -> None:
+    def _handle(self, number: int, _: object) -> None:
         self.signal = number
         raise KeyboardInterrupt
 
@@ -113,7 +113,7 @@ class Command:
 
         Args:
             argv: words, by default those of the process.
-            act: takes the options and what has been heard of signals; returns the exit status.
+            act: takes the options and the interrupts; returns the exit status.
         """
         try:
             epilog = self.help if isinstance(self.help, str) else self.help()
@@ -134,7 +134,7 @@ class Command:
         if arguments.from_make:
             words += make_variables(os.environ.get("MAKEFLAGS", ""))
         interrupts = Interrupts()
-        with interrupts.heard():
+        with interrupts.handling():
             try:
                 return self._status(words, act, interrupts)
             except (Exception, KeyboardInterrupt):

@@ -127,8 +127,8 @@ def export(
     require_writable(exports)
     final = exports / variant.label
     interrupts = interrupts or Interrupts()
-    ask = interrupts.raise_swallowed
-    with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
+    check_interrupt = interrupts.raise_swallowed
+    with Progress(check_interrupt) as progress, whole_folder(final, RECORD, check_interrupt) as folder:
         summary = cached_molds(variant, folder, interrupts, progress, use_cache, where)
     return Written(final, summary, progress.seconds)
 

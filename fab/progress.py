@@ -16,11 +16,11 @@ class Progress:
     """Lines on standard error, so that what a command prints as its result stays apart.
 
     Args:
-        ask: called as each step begins; what it raises ends the command.
+        check_interrupt: called as each step begins; what it raises ends the command.
     """
 
-    def __init__(self, ask: Callable[[], None] = lambda: None) -> None:
-        self._ask = ask
+    def __init__(self, check_interrupt: Callable[[], None] = lambda: None) -> None:
+        self._check_interrupt = check_interrupt
         self._start = time.monotonic()
         self._step: str | None = None
         self._since = self._start
@@ -41,7 +41,7 @@ class Progress:
 
     def __call__(self, step: str) -> None:
         """Begin a step; the one before it is done."""
-        self._ask()
+        self._check_interrupt()
         self._finish()
         self._step, self._since = step, time.monotonic()
         transient(f"  ...    {step}")

@@ -62,14 +62,16 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     return make_sheet(variant, Path(options["exports"]), options["printer"], interrupts.raise_swallowed)
 
 
-def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Callable[[], None] = lambda: None) -> int:
+def make_sheet(
+    variant: Variant, exports: Path, asked_printer: str = "", check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Write the build sheet.
 
     Args:
         variant: what was exported.
         exports: folder that holds ``variant.label``.
         asked_printer: name in the printers' table; empty for that of the slices, or of the molds.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
@@ -91,8 +93,8 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
     sliced = read_slices(export)
     require_sliced_for(asked_printer, sliced, export.words)
     with (
-        Progress(ask) as progress,
-        whole_folder(export.folder / FOLDER, RECORD, ask) as folder,
+        Progress(check_interrupt) as progress,
+        whole_folder(export.folder / FOLDER, RECORD, check_interrupt) as folder,
         tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
     ):
         data, own = _collect(export, sliced, Path(scratch), progress)

@@ -73,17 +73,22 @@ class CouponLine:
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     return COMMAND.run(
-        argv, lambda options, heard: make_coupons(Path(options["exports"]), options["material"], heard.raise_swallowed)
+        argv,
+        lambda options, interrupts: make_coupons(
+            Path(options["exports"]), options["material"], interrupts.raise_swallowed
+        ),
     )
 
 
-def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[[], None] = lambda: None) -> int:
+def make_coupons(
+    exports: Path, material: str = DEFAULT_SILICONE, check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Build, check and write every coupon.
 
     Args:
         exports: folder that receives ``coupons``.
         material: silicone of the bond specimens, a row of materials.csv, in upper or lower case.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
@@ -100,7 +105,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[
     material = chosen("material", material, silicones(), "cad/materials.csv")
     density = silicone(material).density_g_cm3
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
-    with whole_folder(exports / label, RECORD, ask) as folder:
+    with whole_folder(exports / label, RECORD, check_interrupt) as folder:
         parts = {part.name: part for part in coupon_parts()}
         meshes, walls = coupon_meshes(parts)
         write_parts(parts, meshes, folder)

@@ -28,19 +28,19 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cad.errors import FileError
-from cad.whole_file import MEDIUM_FULL, lock_of_the_dead, locked_folder, remove_partial
+from cad.whole_file import MEDIUM_FULL, lock_if_free, locked_folder, remove_partial
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
-def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: None) -> Iterator[Path]:
+def whole_folder(final: Path, record: str, check_interrupt: Callable[[], None] = lambda: None) -> Iterator[Path]:
     """Yield a folder to fill, whose files go to ``final`` if nothing is raised and vanish otherwise.
 
     Args:
         final: where the files belong; what the user keeps there stays.
         record: name of the JSON file that lists the others (:func:`write_record`); it must be among them.
-        ask: called once all is written and before any of it appears; what it raises leaves nothing.
+        check_interrupt: called once all is written and before any of it appears; what it raises leaves nothing.
 
     Raises:
         FileError: the place cannot be written, the disk is full, or a file there is the user's; what stood at
@@ -55,7 +55,7 @@ def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: Non
     try:
         with _as_file_error(final):
             yield partial
-            ask()
+            check_interrupt()
             with _uninterrupted():
                 _publish(partial, final, record)
     finally:
@@ -118,8 +118,8 @@ def sweep(final: Path, record: str) -> None:
     """Finish or remove what killed runs left beside a folder: a partial one goes, a ready one is moved into place."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
-        with lock_of_the_dead(path) as dead:
-            if dead:
+        with lock_if_free(path) as is_free:
+            if is_free:
                 _move_in(path, final, record)
 
 

@@ -64,14 +64,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
 
 
-def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callable[[], None] = lambda: None) -> int:
+def make_ring(
+    params: EndcapParams, led_count: float, exports: Path, check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Make, check and write the ring.
 
     Args:
         params: the endcap it lights.
         led_count: LEDs in the string.
         exports: folder that receives ``led_ring``.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
@@ -95,7 +97,7 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callab
     require_even(light, params, count)
     copper = build_copper(count)
     final = exports / folder_name(params, count)
-    with whole_folder(final, RECORD, ask) as folder:
+    with whole_folder(final, RECORD, check_interrupt) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
         write_project(copper, count, folder)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cad.whole_file import lock_of_the_dead
+from cad.whole_file import lock_if_free
 from fab import clean
 from fab.exports.whole_folder import whole_folder, write_record
 
@@ -96,7 +96,7 @@ def test_a_run_that_has_just_begun_keeps_its_folder(exports):
 
 def test_a_folder_that_a_run_is_filling_stays_as_it_is(exports):
     before = files(exports / "D130_T8" / "slice")
-    with lock_of_the_dead(exports / "D130_T8" / "slice"):
+    with lock_if_free(exports / "D130_T8" / "slice"):
         clean.remove_made(exports)
     assert files(exports / "D130_T8" / "slice") == before and not (exports / "D130_T8" / "manifest.json").exists()
 

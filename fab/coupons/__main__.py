@@ -1,4 +1,4 @@
-"""`python -m fab.coupons` (make coupons): fit and bond coupons, meshed, checked and written like the molds. mm."""
+"""Command `python -m fab.coupons` (make coupons): fit and bond coupons, meshed, checked and written like molds (mm)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ COMMAND = Command(
 
 @dataclass(frozen=True)
 class CouponLine:
-    """One line of the BOM: what a print or a pour of the coupons needs for one specimen each.
+    """One line of the BOM: material of one print or one pour.
 
     Attributes:
         item: part, or the tray that is filled.
@@ -129,7 +129,9 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
     """Write STL, STEP and 3MF of every part.
 
     Args:
-        parts, meshes: by name. folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
+        parts: by name.
+        meshes: by name, mm.
+        folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
     """
     from fab.exports.writer import write_3mf, write_shape
     from fab.meshing.mesh import write_stl
@@ -141,7 +143,11 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
 
 
 def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[str, float]]:
-    """Every check of the written folder, and the volumes (mm3) of its meshes.
+    """Check the written folder; return the checks and the volumes (mm3) of its meshes.
+
+    Args:
+        parts: by name.
+        folder: with their files.
 
     Raises:
         ChecksFailedError: a check failed.
@@ -158,11 +164,13 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
 def coupon_bom(
     materials: Mapping[str, str], volumes_mm3: Mapping[str, float], silicone_name: str, density_g_cm3: float
 ) -> list[CouponLine]:
-    """Prints by volume, pours by volume and mass, one of each.
+    """Lines of the prints with their volumes, and of the pours with volume and mass, one of each.
 
     Args:
-        materials: of each printed part, by its name. volumes_mm3: of the same parts.
-        silicone_name: of what is poured. density_g_cm3: of the silicone.
+        materials: of each printed part, by its name.
+        volumes_mm3: of the same parts.
+        silicone_name: of the silicone that is poured.
+        density_g_cm3: of the silicone.
     """
     lines = [CouponLine(name, material, volumes_mm3[name], None) for name, material in materials.items()]
     for tray in TRAYS:

@@ -92,11 +92,9 @@ def make_ring(
     from fab.led_ring.schematic_check import schematic_checks
 
     places, count = placements(led_count), int(led_count)
-    driver = fitted_driver(count)
-    light = dome_light(params, count)
+    driver, light = fitted_driver(count), dome_light(params, count)
     require_even(light, params, count)
-    copper = build_copper(count)
-    final = exports / folder_name(params, count)
+    copper, final = build_copper(count), exports / folder_name(params, count)
     with whole_folder(final, RECORD, check_interrupt) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")

@@ -1,4 +1,4 @@
-"""`python -m fab.slice D=130 T=8`: projects for PrusaSlicer and OrcaSlicer, sliced, read back and gated."""
+"""Command `python -m fab.slice D=130 T=8`: projects for PrusaSlicer and OrcaSlicer, sliced, read back and checked."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
 @dataclass(frozen=True)
 class SliceOptions:
-    """How an export is sliced.
+    """Options of slicing an export.
 
     Attributes:
         printer: on which it is printed.
@@ -106,7 +106,7 @@ def slice_design(
 
     Args:
         slicer: PrusaSlicer's program.
-        export: as read.
+        export: folder of `make molds`, as read.
         how: printer, plates and parts.
         check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
@@ -114,7 +114,7 @@ def slice_design(
         0.
 
     Raises:
-        ChecksFailedError: a gate did not hold; nothing is left.
+        ChecksFailedError: a check failed; nothing is left.
         FileError: a file cannot be read or written.
         ParameterError: a part does not fit the printer's bed.
     """
@@ -162,7 +162,7 @@ def _record(
 
 
 def _side_by_side(export: Export, where: Printer, check_interrupt: Callable[[], None]) -> list[Plate]:
-    """Plates with as many parts as fit."""
+    """Nest the parts on plates."""
     from fab.slice.projects import nested_plates
 
     with Progress(check_interrupt) as progress:
@@ -178,7 +178,7 @@ def _sliced_and_gated(
     how: SliceOptions,
     check_interrupt: Callable[[], None],
 ) -> tuple[list[SliceResult], list[Check]]:
-    """Slice side by side, print the summary, and stop where a gate did not hold."""
+    """Slice the plates in parallel, print the summary, and raise if a check failed."""
     from fab.slice.projects import GYROID
     from fab.slice.result import summary
 
@@ -198,7 +198,7 @@ def _sliced_and_gated(
 
 
 def _timed(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOptions) -> tuple[SliceResult, float]:
-    """Work of one process, and the seconds that it took."""
+    """Result of one plate, and the seconds that it took."""
     began = time.monotonic()
     result = _slice_one(slicer, export, plate, folder, how)
     return result, time.monotonic() - began

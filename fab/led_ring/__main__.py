@@ -1,4 +1,4 @@
-"""`python -m fab.led_ring`: circuit, board files, pictures and checks of the LED ring, from the LED count."""
+"""Command `python -m fab.led_ring`: circuit, board files, pictures and checks of the LED ring, from the LED count."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def make_ring(
     """Make, check and write the ring.
 
     Args:
-        params: the endcap it lights.
+        params: the endcap that the ring lights.
         led_count: LEDs in the string.
         exports: folder that receives ``led_ring``.
         check_interrupt: raises KeyboardInterrupt where a library swallowed one.
@@ -79,7 +79,7 @@ def make_ring(
         0.
 
     Raises:
-        ParameterError: LED count outside what the board takes, or too few for this dome.
+        ParameterError: LED count outside the range of the board, or too small for this dome.
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
@@ -126,7 +126,12 @@ def _size_words(params: EndcapParams) -> str:
 
 
 def folder_name(params: EndcapParams, led_count: int) -> str:
-    """``led_ring``, and what of the design is not the default: one ring's files do not replace another's."""
+    """Name of the ring's folder: ``led_ring`` and each parameter that is not the default; no ring replaces another.
+
+    Args:
+        params: the design.
+        led_count: LEDs in the string.
+    """
     parts = ["led_ring"]
     if params != EndcapParams(float(COMMAND.defaults["D"]), float(COMMAND.defaults["T"])):
         parts.append(params.label)
@@ -139,7 +144,9 @@ def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -
     """Values, budget and checks of the ring for manifest and sheet.
 
     Args:
-        driver: the circuit. params: the design. checks: results of the gates.
+        driver: the circuit.
+        params: the design.
+        checks: results of the gates.
     """
     return {
         "parameters": {"diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "leds": driver.led_count},

@@ -31,6 +31,7 @@ LEVEL_LIES_MM = 3.0  # E: of a spirit level on the dam, at either end
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
 STAYS_IN_BOTTLES = 1.02  # E: so much more is bought than is weighed out
 SPARE = 1.1  # E: skirts, brims, and a part that fails
+ESTIMATE_ERROR = 0.15  # E: of the plastic before it is sliced (fab/build_sheet/plastic.py has what was measured)
 LEAST_CHAMBER_L = 5
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
@@ -151,23 +152,34 @@ def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[fl
     return grams
 
 
-def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float]) -> list[BomLine]:
-    """The same lines with as many spools as the prints take.
+def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float], is_estimate: bool = False) -> list[BomLine]:
+    """Lines of the bill with the number of spools that the prints need.
 
     Args:
-        lines: of the bill. grams: of each plastic, as sliced; of one that is missing the table's amount stays.
+        lines: of the bill.
+        grams: of each plastic; the line of a plastic that is missing keeps the amount of the table.
+        is_estimate: whether the grams are estimated, and not sliced; then the lines name them with their range.
     """
-    spools = {
-        _filament_item(plastic): math.ceil(SPARE * grams[plastic] / spool)
-        for plastic, spool in SPOOL_G.items()
-        if grams.get(plastic)
-    }
-    return [
-        replace(line, quantity=spools[line.item], pack_usd=spools[line.item] * (spool_usd(line.item) or 0.0))
-        if line.item in spools
-        else line
-        for line in lines
-    ]
+    plastics = {_filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
+    counted = []
+    for line in lines:
+        if plastic := plastics.get(line.item):
+            spools = math.ceil(SPARE * grams[plastic] / SPOOL_G[plastic])
+            use = line.use + (f"; {estimate_words(grams[plastic])}" if is_estimate else "")
+            line = replace(line, quantity=spools, pack_usd=spools * (spool_usd(line.item) or 0.0), use=use)
+        counted.append(line)
+    return counted
+
+
+def estimate_words(grams: float) -> str:
+    """Text on the plastic of prints that are not sliced: ``estimated 680 to 920 g until sliced``.
+
+    Args:
+        grams: as estimated.
+    """
+    low, high = ((1 + sign * ESTIMATE_ERROR) * grams for sign in (-1, 1))
+    digits = 0 if high < 100 else -1
+    return f"estimated {round(low, digits):.0f} to {round(high, digits):.0f} g until sliced"
 
 
 def camera_supply() -> Supply:

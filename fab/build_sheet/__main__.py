@@ -158,10 +158,13 @@ def _lines(
 ) -> list[BomLine]:
     """Lines of the bill of materials."""
     from fab.bom import bom_lines, printed_figures
+    from fab.build_sheet.plastic import estimated_plastic_g
     from fab.supplies import for_steps, plastic_g, with_spools
 
     plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
-    return for_steps(with_spools(bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced), plastics), steps)
+    grams = plastics if sliced else estimated_plastic_g(export.printed, shop.meshes)
+    lines = bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced)
+    return for_steps(with_spools(lines, grams, is_estimate=not sliced), steps)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:

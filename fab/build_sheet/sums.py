@@ -17,7 +17,7 @@ def cost_facts(data: SheetData) -> list[tuple[str, str]]:
     without = f"; without {', '.join(unpriced)}: no price is known" if unpriced else ""
     paid = sum(line.paid_usd or 0.0 for line in data.lines)
     used = sum(line.price_usd or 0.0 for line in data.lines)
-    spools = "" if is_sliced else "; one spool of each plastic until the prints are sliced"
+    spools = "" if is_sliced else "; spools by an estimate of the plastic until the prints are sliced"
     prints = "plastic by the gram, " if is_sliced else ""
     later = "" if is_sliced else f"; WITHOUT the prints, whose grams {make_command('slice', data)} measures"
     return [

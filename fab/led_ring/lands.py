@@ -114,7 +114,7 @@ def lands_of(part: LedPart) -> dict[str, Rectangle]:
 
 
 def leads_of(part: LedPart) -> dict[str, Rectangle]:
-    """Soldered feet of a part by pin, from the size in its row.
+    """Soldered ends of the leads of a part by pin, from the size in its row.
 
     Args:
         part: its row of the table, with a package that has a land.

@@ -169,8 +169,8 @@ def remove_partial(parent: Path, name: str | None = None) -> None:
         name: name of the final folder whose hidden ones are removed; by default, those of all.
     """
     for path in sorted(parent.glob(f".{'*' if name is None else glob.escape(name)}.partial-*")):
-        with lock_if_free(path) as free:
-            if free:
+        with lock_if_free(path) as is_free:
+            if is_free:
                 shutil.rmtree(path, ignore_errors=True)
 
 

@@ -1,11 +1,11 @@
-"""The way in: the command ``endcap``, and the same in Python. Importing this loads the standard library only.
+"""Top-level package: the command ``endcap`` and its Python interface. Importing it loads the standard library only.
 
 from endcap import DataSet, Endcap, Simulator
 
 endcap = Endcap(130, 8)
 endcap.shell, endcap.shell.cadquery                    # a solid for build123d, and the same for CadQuery
 endcap.export("out")                                   # what `endcap molds 130 8 exports=out` writes
-endcap.study()["silicone_g"].value                           # g; all that `endcap study 130 8` says
+endcap.study()["silicone_g"].value                           # g; all figures of `endcap study 130 8`
 state = Simulator(endcap).press(20, tilt_deg=30)       # state.force_n, state.torque_nm, state.depth_mm
 frames = DataSet("exports/data")                       # len(frames), frames[0].wrench, frames.torch()
 with endcap.live("0") as running:                      # camera 0

@@ -28,7 +28,7 @@ class Subcommand:
         name: as typed.
         module: where its ``main(arguments) -> exit status`` is.
         summary: one line of ``endcap --help``.
-        arguments: what comes before the words of the user.
+        arguments: placed before those of the user.
         takes_design: numbers at the start are D and T.
     """
 
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line.
 
     Args:
-        arguments: words, by default those of the process.
+        arguments: of the command line, by default those of the process.
 
     Returns:
         Exit status: that of the subcommand; 2 for an unknown one, or a library that is missing; 130 after Ctrl-C.
@@ -152,10 +152,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def program() -> NoReturn:
-    """The command ``endcap``: ends the process with the status of :func:`main`.
+    """Entry point of the command ``endcap``: ends the process with the status of :func:`main`.
 
-    Commands that read cameras leave past the interpreter's own end: a thread that wakes up in a driver while the
-    interpreter is torn down aborts the process (status 134).
+    Commands that read cameras skip the interpreter's finalization: a driver thread that wakes up during it aborts the
+    process (status 134).
     """
     status = main()
     words = [word for word in sys.argv[1:] if word not in ("--quiet", "-q")]
@@ -189,7 +189,7 @@ def run(command: Subcommand, words: Sequence[str]) -> int:
 
 
 def _named(command: Subcommand, words: Sequence[str]) -> list[str]:
-    """Words with the numbers at their start named: ``130 8`` is ``D=130 T=8`` where a design is meant."""
+    """Arguments with the leading numbers named: ``130 8`` becomes ``D=130 T=8`` where a design is expected."""
     if not command.takes_design:
         return list(words)
     numbers = list(takewhile(lambda word: word[:1].isdigit() and "=" not in word, words))
@@ -197,7 +197,7 @@ def _named(command: Subcommand, words: Sequence[str]) -> list[str]:
 
 
 def help_text() -> str:
-    """What ``endcap --help`` prints."""
+    """Text of ``endcap --help``."""
     width = max(map(len, SUBCOMMANDS))
     lines = ["usage: endcap COMMAND [options]", "", "Make, understand and run large visuotactile endcaps."]
     for title, commands in GROUPS:

@@ -1,4 +1,4 @@
-"""A folder of labelled frames: the records, the fields that a network reads, and those as tensors."""
+"""Data set of labelled frames: records, shear fields for a network, and tensors."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ class DataSet(LabelledSet):
     """Labelled frames by index (:class:`sensing.records_labelled.LabelledSet`).
 
     Raises:
-        FileError: no manifest, or one of another format.
+        FileError: no manifest, or a manifest of another format.
     """
 
     def samples(self, method: str = "dots", shape: tuple[int, int] = (16, 16)) -> Samples:
-        """Shear fields with their wrenches; made once and kept beside the data.
+        """Shear fields with their wrenches, made once and stored beside the data.
 
         Args:
-            method: ``dots`` tracks the pictures; ``markers`` takes what other sensors would see of the same motion.
+            method: ``dots`` tracks the pictures; ``markers`` simulates those of other sensors for the same motion.
             shape: (H, W) of the field.
 
         Raises:
-            ParameterError: unknown method. FileError: no frames, or those of another dot pattern.
+            ParameterError: unknown method.
+            FileError: no frames, or frames of another dot pattern.
         """
         from sensing.learning.samples import read_samples
 

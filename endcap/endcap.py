@@ -1,4 +1,4 @@
-"""One endcap by its two numbers: its solids, its files, its simulator, and the running sensor."""
+"""Class of one endcap: solids, files, simulator, and running sensor."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Endcap:
-    """An endcap of outer diameter D and wall T; solids are built when first asked for (seconds each), and kept.
+    """An endcap of outer diameter D and wall T; solids are built on first access (seconds each), and kept.
 
     Args:
         diameter_mm: D.
         wall_mm: T.
-        silicone: row of cad/materials.csv that it is cast of.
+        silicone: of the shell, a row of cad/materials.csv.
         joint_clearance_mm: gap of the mold's joints on your printer; None for the default.
         dots: dots of each ring from tip to equator, as in 1-6-10-12-16-18; empty for the released ones.
         dot_mm: diameter of a dot.
         gyroid: fraction of TPU in the gyroid zone; simulator and running sensor do not depend on it.
 
     Raises:
-        ParameterError: a size that cannot be made, an unknown silicone, or a value of another kind.
+        ParameterError: a size that cannot be made, an unknown silicone, or a value of a wrong type.
     """
 
     diameter_mm: float = 130.0
@@ -66,7 +66,7 @@ class Endcap:
 
     @property
     def identity(self) -> Identity:
-        """What files made for it carry."""
+        """Identity written into the files that are made for it."""
         return identity(self.params, self.silicone)
 
     @cached_property
@@ -111,7 +111,8 @@ class Endcap:
             The folder that was written.
 
         Raises:
-            ChecksFailedError: a check failed. FileError: the place cannot be written.
+            ChecksFailedError: a check failed.
+            FileError: the folder cannot be written.
         """
         from fab.molds import export
         from fab.variant import Variant
@@ -119,12 +120,12 @@ class Endcap:
         return export(Variant(self.layout), Path(exports), use_cache).folder
 
     def study(self, export: str | Path | None = None) -> Report:
-        """What it will feel, before anything is printed, as ``endcap study``: figures with their sources.
+        """Predicted figures with their sources, before anything is printed, as ``endcap study``.
 
         ``study()["silicone_g"].value``, ``study().write("out")`` (:class:`sensing.design.report.Report`).
 
         Args:
-            export: folder of its files (:meth:`export`); where they are sliced, printing is counted, not estimated.
+            export: folder of its files (:meth:`export`); if they are sliced, printing is measured, not estimated.
         """
         from sensing.design.pressed import Study
         from sensing.design.prints import prints_of
@@ -145,8 +146,8 @@ class Endcap:
 
         Args:
             source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
-            zero: reference file; None to take the first frames, untouched.
-            model: estimates the wrench (:func:`sensing.live.core.model.live_model`); None for the weights that ship.
+            zero: reference file; None to use the first frames, of the untouched endcap.
+            model: of the wrench (:func:`sensing.live.core.model.live_model`); None for the weights that ship.
 
         Raises:
             EndcapError: a source, file or design that cannot be used.

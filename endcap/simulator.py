@@ -16,7 +16,8 @@ class Simulator(levels.Simulator):
     Args:
         endcap: by default D130_T8 of the default silicone.
         density: of the mesh, :data:`sensing.simulator.solid.mesh.DENSITIES`.
-        level: 1 (the full model) to 4. more: further options of the level.
+        level: 1 (the full model) to 4.
+        more: further options of the level.
 
     Raises:
         ParameterError: unknown level or density.

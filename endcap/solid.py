@@ -1,4 +1,4 @@
-"""A part as both CAD libraries take it; importing this loads the CAD kernel."""
+"""Part as a solid for both CAD libraries; importing this loads the CAD kernel."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class TwoKernelSolid(Solid):
-    """A solid of build123d that CadQuery can take, too: both are views of one OpenCASCADE shape (mm, endcap frame)."""
+    """A solid of build123d that CadQuery can use, too: both wrap one OpenCASCADE shape (mm, endcap frame)."""
 
     @classmethod
     def of(cls, part: Part) -> TwoKernelSolid:

@@ -1,7 +1,7 @@
-"""Everything of one endcap in one folder: ``endcap whole 180 10``, ``make endcap D=180 T=10`` (standard library only).
+"""Commands ``endcap whole 180 10`` and ``make endcap D=180 T=10``: all files of one endcap (standard library only).
 
-Each part is made by its own command in a process of its own, so that CAD and sensing stay apart; what a command refuses
-is its own line. At the end ``start.html`` lists every file with what it is for.
+Each step is a command in a process of its own, which keeps CAD and sensing separate; a refusal is printed by that
+command. At the end ``start.html`` lists each file with its purpose.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from sensing.interpreter import typed_command
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": ""}
 PAGE = "start.html"
-LEFT_OUT = 2  # status of what an optional command refuses: no slicer, a shell that snaps
-END_S = 30.0  # for a command to remove what it began
+LEFT_OUT = 2  # status of a refusal by an optional command: no slicer, a shell that snaps through
+END_S = 30.0  # for a command to remove its partial files
 HELP = f"""\
 usage: make endcap [options of make molds but cache=] [exports=DIR]      (or: endcap whole 180 10)
 
@@ -50,7 +50,9 @@ class Step:
     """One command.
 
     Attributes:
-        title: in words. module: that is run. words: its arguments. optional: whether what it refuses is left out.
+        title: of the step.
+        module, words: module that is run, and its arguments.
+        optional: whether the step is skipped if it refuses.
     """
 
     title: str
@@ -61,11 +63,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be made.
+    """Files that are to be made.
 
     Attributes:
-        variant: the design, its joint clearance and its silicone. exports: folder that receives the endcap's own.
-        printer: on which it is printed, a row of fab/slice/printers.csv; empty for the commands' own default.
+        variant: the design, its joint clearance and its silicone.
+        exports: folder that receives that of the endcap.
+        printer: on which it is printed, a row of fab/slice/printers.csv; empty for the default of the commands.
     """
 
     variant: Variant
@@ -74,12 +77,12 @@ class Wanted:
 
     @property
     def printer_option(self) -> tuple[str, ...]:
-        """The option that names the printer, where one was asked for."""
+        """The option of the printer; empty where none was given."""
         return (f"printer={self.printer}",) if self.printer else ()
 
     @property
     def folder(self) -> Path:
-        """Where the molds are written, and the rest with them."""
+        """Folder of the molds and of all other files."""
         return self.exports / self.variant.label
 
     def steps(self) -> list[Step]:
@@ -111,7 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     interrupts = Interrupts()
     try:
-        with interrupts.heard():
+        with interrupts.handling():
             return make(parsed(words), lambda step: _run(step, interrupts))
     except EndcapError as error:
         LOG.error(f"make endcap: {error}")
@@ -126,7 +129,7 @@ def parsed(words: Sequence[str]) -> Wanted:
     """NAME=VALUE words, or make's variables.
 
     Raises:
-        ParameterError: a word that is no option, only one of D and T, or a design that cannot be made.
+        ParameterError: an unknown option, only one of D and T, or a design that cannot be made.
     """
     typed = list(words)
     if FROM_MAKE in typed:
@@ -141,7 +144,8 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     """Run all commands, then write the page.
 
     Args:
-        wanted: what. run: a step to its exit status.
+        wanted: files that are to be made.
+        run: runs a step and returns its exit status.
 
     Returns:
         Exit status: 0, or that of the first step that failed.
@@ -149,8 +153,7 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     Raises:
         FileError: the page cannot be written.
     """
-    skipped: list[str] = []
-    folder = wanted.folder
+    skipped, folder = list[str](), wanted.folder
     for step in wanted.steps():
         status = run(step)
         if status and not (step.optional and status == LEFT_OUT):
@@ -166,14 +169,14 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
 
 
 def _run(step: Step, interrupts: Interrupts) -> int:
-    """Run a command; where this one is ended, the command under way has time to remove what it began."""
+    """Run a command; if this process is ended, the running command has time to remove its partial files."""
     LOG.info(f"== {step.title}")
     env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     process = subprocess.Popen([sys.executable, "-m", step.module, *step.words], env=env)
     try:
         return process.wait()
     except KeyboardInterrupt:
-        if interrupts.signal == signal.SIGTERM:  # Ctrl-C and a closed terminal reach both; a second one cuts it short
+        if interrupts.signal == signal.SIGTERM:  # Ctrl-C and a hangup reach both; a second signal ends the wait
             process.terminate()
         try:
             process.wait(END_S)
@@ -214,12 +217,12 @@ def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
     """Write the page that lists everything.
 
     Args:
-        wanted: what was made. folder: where. skipped: titles of what was left out.
+        wanted: files that were made.
+        folder: that holds them.
+        skipped: titles of the steps left out.
     """
     shown = {"exploded.png": "the parts, pulled apart", "section.png": "section of the endcap"}
-    pictures = "".join(
-        f'<img src="{name}" alt="{words}">' for name, words in shown.items() if (folder / name).is_file()
-    )
+    pictures = "".join(f'<img src="{file}" alt="{alt}">' for file, alt in shown.items() if (folder / file).is_file())
     missing = f"<p>Left out: {escape(', '.join(skipped))} (its own message is in the terminal).</p>" if skipped else ""
     title = f"Endcap {folder.name}"
     body = (
@@ -256,7 +259,7 @@ def _figures(folder: Path) -> str:
 
 
 def _short(value: str, unit: str) -> str:
-    """As the study's own page writes it: three digits, larger numbers whole."""
+    """A value in the format of the study's page: three digits, larger numbers whole."""
     if not value:
         return "–"
     digits = f"{float(value):.0f}" if abs(float(value)) >= 999.5 else f"{float(value):.3g}"
@@ -264,8 +267,7 @@ def _short(value: str, unit: str) -> str:
 
 
 def _next(wanted: Wanted, folder: Path) -> str:
-    params, material = wanted.variant.params, wanted.variant.silicone
-    design = design_words(params)
+    design, material = design_words(wanted.variant.params), wanted.variant.silicone
     other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
     printer = f" {printer_option(wanted.printer)}" if wanted.printer else ""
     sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)

@@ -1,8 +1,8 @@
-"""What earlier runs made, kept in the user's cache folder under a digest of everything it depends on.
+"""Cache of results of earlier runs in the user's folder, by a digest of everything that they depend on.
 
 The key of an entry is the SHA-256 of its parameters, of the code, tables and pages of cad and fab, and of the versions
-of the libraries, so a change in any of them makes a new entry. Files are stored under their own SHA-256, and compared
-with it on the way out: one that was damaged counts as missing, and is made again. Standard library only.
+of the libraries, so a change in any of them makes a new entry. Files are stored under their own SHA-256, which is
+checked when they are read: a damaged file counts as missing and is made again. Standard library only.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from cad.whole_file import put_file
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT_BYTES = 2_000_000_000  # some 25 designs
 SOURCES = ("cad", "fab")
-SUFFIXES = (".py", ".csv", ".js", ".css", ".html")  # all that the exports are made of: the pages, too
+SUFFIXES = (".py", ".csv", ".js", ".css", ".html")  # all sources of the exports, pages included
 
 
 def user_folder() -> Path:
-    """Where the cache lies: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``.
+    """Folder of the cache: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``.
 
     A user without a home, as in some containers, has no cache: below the null device nothing is found or kept.
     """
@@ -45,7 +45,11 @@ def user_folder() -> Path:
 
 @cache
 def code_digest(root: Path = ROOT) -> str:
-    """SHA-256 of the code, tables and pages that make a design, and of the versions of what they run on."""
+    """SHA-256 of the code, tables and pages that make a design, and of the versions of the libraries.
+
+    Args:
+        root: folder of the packages.
+    """
     digest = hashlib.sha256()
     for path in sorted(p for name in SOURCES for p in (root / name).rglob("*") if p.suffix in SUFFIXES):
         content = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -56,7 +60,11 @@ def code_digest(root: Path = ROOT) -> str:
 
 
 def library_versions(root: Path = ROOT) -> dict[str, str]:
-    """Installed versions of the libraries that the CAD side asks for, and of Python."""
+    """Installed versions of the libraries required by the CAD side, and of Python.
+
+    Args:
+        root: folder of the packages.
+    """
     names = sorted({re.split(r"[^A-Za-z0-9._-]", line)[0] for line in _required(root)})
     versions = {"python": f"{platform.python_version()} {platform.system()} {platform.machine()}"}
     for name in names:
@@ -68,7 +76,7 @@ def library_versions(root: Path = ROOT) -> dict[str, str]:
 
 
 def _required(root: Path) -> list[str]:
-    """Requirements of the CAD side: those of pyproject.toml in a checkout, which a wheel does not carry."""
+    """Requirements of the CAD side, from pyproject.toml in a checkout; a wheel does not contain that file."""
     if (root / "pyproject.toml").exists():
         wanted = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         return [*wanted["dependencies"], *wanted["optional-dependencies"]["cad"]]
@@ -80,18 +88,23 @@ def _required(root: Path) -> list[str]:
 class Cache:
     """Entries, each a set of files and values under one key.
 
-    A cache that cannot be read or written is as good as empty: a run never fails for it.
+    A cache that cannot be read or written counts as empty: no run fails because of it.
 
     Attributes:
-        folder: where it lies.
-        limit_bytes: its size after a new entry; what was used longest ago goes first.
+        folder: of the cache.
+        limit_bytes: largest size after a new entry; the least recently used entries are removed.
     """
 
     folder: Path = field(default_factory=user_folder)
     limit_bytes: int = LIMIT_BYTES
 
     def key(self, what: str, parameters: Mapping[str, Any]) -> str:
-        """Digest of a name, its parameters, the code and the libraries."""
+        """Digest of a name, its parameters, the code and the libraries.
+
+        Args:
+            what: name of the result.
+            parameters: that it depends on.
+        """
         content = {"what": what, "parameters": dict(parameters), "code": code_digest()}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -99,6 +112,9 @@ class Cache:
         """An entry's files, name -> content, and its values; ``None`` where there is none or a part of it is damaged.
 
         A damaged entry is removed.
+
+        Args:
+            key: of the entry.
         """
         path = self._entry(key)
         try:
@@ -126,7 +142,7 @@ class Cache:
             The entry's values; ``None`` where there is no such entry or a part of it is damaged.
 
         Raises:
-            OSError: the folder cannot be written; then it holds none of the files, and the entry stays.
+            OSError: the folder cannot be written; it then contains none of the files, and the entry stays.
         """
         if (entry := self.read(key)) is None:
             return None
@@ -141,17 +157,18 @@ class Cache:
         return values
 
     def keep(self, key: str, files: Mapping[str, bytes], values: Mapping[str, Any]) -> None:
-        """Keep files and values under a key.
+        """Store files and values under a key.
 
         Args:
-            key: what they are found by. files: name -> content.
-            values: content that JSON holds.
+            key: of the entry.
+            files: name -> content.
+            values: content that JSON can represent.
         """
         try:
             digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
             for name, data in files.items():
                 blob = self._blob(digests[name])
-                if not (blob.exists() and blob.read_bytes() == data):  # a damaged one is made good
+                if not (blob.exists() and blob.read_bytes() == data):  # replaces a damaged one
                     _write(blob, data)
             content = {"files": digests, "values": dict(values)}
             _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
@@ -160,11 +177,13 @@ class Cache:
             return  # a full disk, or a home that cannot be written: the next run works without
 
     def store(self, key: str, folder: Path, names: Sequence[str], values: Mapping[str, Any]) -> None:
-        """Keep files of a folder, and values, under a key.
+        """Store files of a folder, and values, under a key.
 
         Args:
-            key: what they are found by. folder: holds the files. names: of the files, in the folder.
-            values: content that JSON holds.
+            key: of the entry.
+            folder: with the files.
+            names: of the files in the folder.
+            values: content that JSON can represent.
         """
         try:
             files = {name: (folder / name).read_bytes() for name in names}
@@ -173,7 +192,7 @@ class Cache:
         self.keep(key, files, values)
 
     def _trim(self) -> None:
-        """Remove what was used longest ago until the rest is small enough, and files that no entry names."""
+        """Remove the least recently used entries until the rest is small enough, and files that no entry names."""
         entries = sorted((self.folder / "entries").glob("*.json"), key=lambda path: path.stat().st_mtime, reverse=True)
         kept: dict[str, int] = {}
         for path in entries:
@@ -191,14 +210,15 @@ class Cache:
                 blob.unlink(missing_ok=True)
 
     def clear(self) -> None:
-        """Remove everything."""
+        """Remove all entries."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _content(self, name: str, sha256: str) -> bytes:
         """Content of a file of an entry.
 
         Raises:
-            ValueError: it is damaged, or named as if it were in another folder. OSError: it cannot be read.
+            ValueError: the file is damaged, or its name is a path to another folder.
+            OSError: the file cannot be read.
         """
         data = self._blob(sha256).read_bytes()
         if hashlib.sha256(data).hexdigest() != sha256 or Path(name).name != name:

@@ -1,6 +1,6 @@
-"""What the camera should see of a design: its dots and the edge of the picture, and whether the dots are enough.
+"""Expected picture of a design: its dots, the edge of the picture, and whether the dots suffice for a calibration.
 
-The lens is that of the module at hand (:mod:`cad.lens`), on the axis at the design's pupil height, in the whole
+The lens is that of the camera module (:mod:`cad.lens`), on the axis at the design's pupil height, in the whole
 sensor's frame of 640 x 480. The sensing side has a camera model of its own, which fab must not import; a test compares
 the two for many designs.
 """
@@ -24,16 +24,21 @@ FEWEST = 7  # centres that a calibration by one photo needs at the least (sensin
 
 
 def camera_pixels(params: EndcapParams) -> dict[Dot, tuple[float, float]]:
-    """Where the dots should appear (x right, y down, frame of 640 x 480): of those alone that the lens sees."""
+    """Expected positions of the dots that the lens sees (x right, y down, frame of 640 x 480), px.
+
+    Args:
+        params: the design.
+    """
     places = {dot: dot_position_mm(params, dot) for dot in dot_pattern(params)}
     return {dot: pixel for dot, place in places.items() if (pixel := _pixel(params, place)) is not None}
 
 
 def dot_outline_px(params: EndcapParams, dot: Dot) -> list[Point]:
-    """Points round the edge of a dot as the camera sees it: of those that the lens sees.
+    """Points of the edge of a dot in the picture, those alone that the lens sees, px.
 
     Args:
-        params: design. dot: of its pattern.
+        params: the design.
+        dot: of its pattern.
     """
     polar, azimuth = math.radians(dot.polar_deg), math.radians(dot.azimuth_deg)
     radius = params.inner_radius_mm
@@ -62,7 +67,7 @@ def seen_dots(params: EndcapParams) -> int:
 
 
 def few_dots_words(params: EndcapParams) -> str | None:
-    """What to say of a design whose camera cannot be calibrated; ``None`` where it can.
+    """Warning for a design whose camera cannot be calibrated; ``None`` where it can.
 
     Args:
         params: the design.
@@ -77,10 +82,12 @@ def few_dots_words(params: EndcapParams) -> str | None:
 
 
 def dots_in(pixels: Iterable[tuple[float, float]], width: float, height: float) -> int:
-    """How many points lie in a centred rectangle of the frame.
+    """Number of points in a centred rectangle of the frame.
 
     Args:
-        pixels: (x, y) in the frame, px. width, height: of the rectangle, px.
+        pixels: (x, y) in the frame, px.
+        width: of the rectangle, px.
+        height: of the rectangle, px.
     """
     return sum(abs(x - FRAME_PX[0] / 2) <= width / 2 and abs(y - FRAME_PX[1] / 2) <= height / 2 for x, y in pixels)
 
@@ -107,13 +114,13 @@ def edge_px() -> tuple[float, float]:
 
 
 def edge_cuts_px(radius: float) -> tuple[float | None, float | None]:
-    """How far from the corner a circle cuts the frame's upper and lower, and its left and right edge.
+    """Distances from a corner at which a circle cuts the upper and lower, and the left and right edge of the frame.
 
     Args:
         radius: of the circle about the frame's centre, px.
 
     Returns:
-        Two distances, px; None where it does not cut that edge.
+        Two distances, px; None where the circle does not cut that edge.
     """
     half_width, half_height = FRAME_PX[0] / 2, FRAME_PX[1] / 2
 
@@ -124,7 +131,7 @@ def edge_cuts_px(radius: float) -> tuple[float | None, float | None]:
 
 
 def _pixel(params: EndcapParams, place_mm: tuple[float, float, float]) -> Point | None:
-    """Where a place in the endcap frame appears; None where the lens does not see it."""
+    """Pixel of a point in the endcap frame; None where the lens does not see it."""
     x, y, z = place_mm
     off_axis = math.atan2(math.hypot(x, y), z - params.camera_height_mm)
     if math.degrees(off_axis) > camera_module().max_half_angle_deg:

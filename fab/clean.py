@@ -1,6 +1,6 @@
-"""Remove from exports/ what one command makes again, and name what stays: make clean, make clean-all SURE=yes.
+"""Remove files of exports/ that a command makes again, and list the rest: make clean, make clean-all SURE=yes.
 
-A file goes when the record of its folder (manifest.json, slice.json and the like) lists it with the SHA-256 that it
+A file is removed if the record of its folder (manifest.json, slice.json and the like) lists it with the SHA-256 that it
 still has. Recordings, data sets, weights, notes, G-code and changed files are on no such list, so they stay.
 """
 
@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _clean(exports: Path) -> int:
-    """Remove what one command makes again, and name the rest; returns the exit status."""
+    """Remove files that a command makes again, and list the rest; return the exit status."""
     count = remove_made(exports)
     Cache().clear()
     show(f"make clean: {count} files removed from {exports}")
@@ -49,7 +49,7 @@ def _clean(exports: Path) -> int:
 
 
 def _clean_all(exports: Path, is_sure: bool) -> int:
-    """Remove everything, or say what that would be; returns the exit status."""
+    """Remove everything, or list it if the user is not sure; return the exit status."""
     if not is_sure:
         show(f"make clean-all: would delete everything in {exports}, also what no command makes again:")
         _print_staying(exports, "to delete it: make clean-all SURE=yes")
@@ -61,7 +61,7 @@ def _clean_all(exports: Path, is_sure: bool) -> int:
 
 
 def remove_made(exports: Path) -> int:
-    """Remove every file that a record vouches for, the records, and the folders that are empty by that.
+    """Remove every unchanged file that a record lists, the records, and the folders that are then empty.
 
     A folder that a running command has locked stays as it is.
 
@@ -74,8 +74,8 @@ def remove_made(exports: Path) -> int:
     count = 0
     remove_partial(exports)
     for record in _records(exports):
-        with lock_if_free(record.parent) as free:
-            if not free:
+        with lock_if_free(record.parent) as is_free:
+            if not is_free:
                 continue
             try:
                 removed = _remove_listed(record)
@@ -89,9 +89,9 @@ def remove_made(exports: Path) -> int:
 
 
 def _remove_listed(record: Path) -> list[Path]:
-    """Remove the unchanged files that a record lists, then the record unless one was changed; returns what went.
+    """Remove the unchanged files that a record lists, then the record unless a file was changed; return those removed.
 
-    A record of which nothing is left goes only where it is that of a design: another program's may look like ours.
+    A record without remaining files is removed only if it is that of a design: another program's may look alike.
 
     Raises:
         FileError: the record cannot be read.
@@ -118,24 +118,24 @@ def _is_of_a_design(record: Path) -> bool:
 
 
 def _remove_emptied(folder: Path, exports: Path) -> None:
-    """Remove a folder of which files were removed, and those above it, as far as they are empty and unlocked."""
+    """Remove a folder of removed files, and the folders above it, as long as they are empty and unlocked."""
     for path in (folder, *folder.parents):
         if path == exports or not path.exists():
             return
-        with lock_if_free(path) as free:
-            if not free or any(path.iterdir()):
+        with lock_if_free(path) as is_free:
+            if not is_free or any(path.iterdir()):
                 return
             path.rmdir()
 
 
 def _records(exports: Path) -> list[Path]:
-    """Records of all export folders; not those of runs that are still writing, which are in hidden folders."""
+    """Records of all export folders, without the hidden folders of running commands."""
     found = (path for name in RECORDS for path in exports.rglob(name) if path.is_file())
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(exports).parts))
 
 
 def _print_staying(exports: Path, remedy: str) -> None:
-    """Name what is left, a line for each entry of the folder, with its size."""
+    """Print a line with the size of each remaining entry of the folder."""
     entries = [path for path in sorted(exports.iterdir()) if path not in KEPT] if exports.is_dir() else []
     for path in entries[:LINES]:
         files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]

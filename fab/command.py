@@ -1,4 +1,4 @@
-"""What the `make` commands of fab share: NAME=VALUE words, one line for an error, exit statuses, Ctrl-C and SIGTERM."""
+"""Shared parts of the `make` commands of fab: NAME=VALUE options, errors of one line, exit statuses, signals."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ VARIANT_DEFAULTS = {
 
 
 def exports_words(exports: Path) -> str:
-    """The option that names a folder of exports, with a space before it, as it follows a command; empty for the usual.
+    """Option ``exports=DIR`` with a space before it, to follow a command; empty for the default.
 
-    It names the whole path: what was typed in one folder is another in the toolkit's, where the command is typed.
+    The path is absolute, as the printed command is run in the toolkit's folder, and not where this one ran.
 
     Args:
         exports: folder that holds those of the variants.
@@ -59,21 +59,21 @@ def exports_words(exports: Path) -> str:
 
 
 class Interrupts:
-    """Ctrl-C and SIGTERM, remembered: out of a library's import or a worker's end they may come as another error."""
+    """Record of ending signals: in a library's import or a worker's end they may appear as another error."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
 
     @property
     def came(self) -> bool:
-        """Whether one came."""
+        """Whether a signal was received."""
         return self.signal is not None
 
     @contextmanager
-    def heard(self) -> Iterator[None]:
-        """Listen inside this context, except to what is ignored from the start: by nohup, or in the background."""
-        heard = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
-        before = {number: signal.signal(number, self._hear) for number in heard}
+    def handling(self) -> Iterator[None]:
+        """Handle the ending signals inside this context, except those that nohup or a shell ignores."""
+        handled = [number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, self._handle) for number in handled}
         try:
             yield
         finally:
@@ -81,11 +81,11 @@ class Interrupts:
                 signal.signal(number, handler)
 
     def raise_swallowed(self) -> None:
-        """Raise KeyboardInterrupt where one came and was swallowed, as libraries do in guards round an import."""
+        """Raise KeyboardInterrupt if a signal was received; a library may have swallowed its exception in an import."""
         if self.came:
             raise KeyboardInterrupt
 
-    def _hear(self, number: int, _: object) -> None:
+    def _handle(self, number: int, _: object) -> None:
         self.signal = number
         raise KeyboardInterrupt
 
@@ -109,11 +109,11 @@ class Command:
     defaults: Mapping[str, str]
 
     def run(self, argv: Sequence[str] | None, act: Callable[[dict[str, str], Interrupts], int]) -> int:
-        """Read the words, act, and turn errors into lines; returns the exit status.
+        """Parse the options, act, and report errors in one line; return the exit status.
 
         Args:
-            argv: words, by default those of the process.
-            act: takes the options and what has been heard of signals; returns the exit status.
+            argv: options, by default those of the process.
+            act: takes the options and the interrupts; returns the exit status.
         """
         try:
             epilog = self.help if isinstance(self.help, str) else self.help()
@@ -134,7 +134,7 @@ class Command:
         if arguments.from_make:
             words += make_variables(os.environ.get("MAKEFLAGS", ""))
         interrupts = Interrupts()
-        with interrupts.heard():
+        with interrupts.handling():
             try:
                 return self._status(words, act, interrupts)
             except (Exception, KeyboardInterrupt):
@@ -146,7 +146,7 @@ class Command:
     def _status(
         self, words: Sequence[str], act: Callable[[dict[str, str], Interrupts], int], interrupts: Interrupts
     ) -> int:
-        """Act, and turn errors of the user's into lines."""
+        """Act, and report errors of the user in one line; return the exit status."""
         try:
             with named_as_typed():
                 options = parse_options(words, self.defaults)
@@ -159,21 +159,28 @@ class Command:
             LOG.error(f"{self.name}: {error}")
             return 1
         except EndcapError as error:
-            interrupts.raise_swallowed()  # a worker that ended, a file that closed: what came of the signal
+            interrupts.raise_swallowed()  # the signal may have ended a worker or closed a file
             LOG.error(f"{self.name}: {error}")
             return 2
 
 
 def ending_words(number: int) -> str:
-    """How a signal ended a command: ``interrupted``, ``ended by SIGTERM``."""
+    """Text on the signal that ended a command: ``interrupted``, ``ended by SIGTERM``.
+
+    Args:
+        number: of the signal.
+    """
     return "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
 
 
 def parse_variant(options: Mapping[str, str]) -> Variant:
-    """The two numbers, the joint clearance, the silicone and the robot.
+    """Variant of a command's options.
+
+    Args:
+        options: by name, as typed.
 
     Raises:
-        ParameterError: not numbers, outside the feasible region, or a silicone or robot that is in no table.
+        ParameterError: a value that is no number or outside the feasible region, or an unknown silicone or robot.
     """
     clearance = parse_length("joint_clearance", options["joint_clearance"])
     material = chosen("material", options["material"], silicones(), "cad/materials.csv")

@@ -1,8 +1,8 @@
-"""Work that does not depend on the joint clearance, taken from the cache when only the clearance has changed.
+"""Results that do not depend on the joint clearance, read from the cache when only the clearance has changed.
 
 The interface's mesh depends on the two numbers alone. Checks of one part depend on its files as written, so their key
-holds the files' SHA-256: a part that comes out the same is not checked again. A file that is made from a mesh alone has
-the mesh's SHA-256 in its key.
+includes the files' SHA-256: an unchanged part is not checked again. The key of a file that is made from a mesh alone
+includes the mesh's SHA-256.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer", "arm_adapter")
 
 
 def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceMesh:
-    """Mesh of the interface, from the cache or made and kept there.
+    """Mesh of the interface, from the cache or made and stored there.
 
     Args:
         params: the design.
-        cache: where it is kept; ``None`` makes it anew.
+        cache: that may hold it; ``None`` makes it again.
     """
     if cache is None:
         return interface_mesh(params)
@@ -53,12 +53,12 @@ def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceM
 def kept_checks(
     cache: Cache | None, what: str, inputs: Mapping[str, Any], make: Callable[[], list[Check]]
 ) -> list[Check]:
-    """Checks of something, from the cache or made and kept there.
+    """Results of checks, from the cache or made and stored there.
 
     Args:
-        cache: where they are kept; ``None`` makes them anew.
+        cache: that may hold them; ``None`` makes them again.
         what: name of these checks.
-        inputs: everything they depend on besides the code: digests of files, numbers.
+        inputs: all that they depend on besides the code: digests of files, numbers.
         make: makes the checks.
     """
     if cache is None:
@@ -78,10 +78,10 @@ def kept_file(
     path: Path,
     make: Callable[[trimesh.Trimesh, str, Path], None],
 ) -> None:
-    """A file of one mesh, from the cache or written and kept there; its stem is the part's name.
+    """Restore a file of one mesh from the cache, or write and store it; its stem is the part's name.
 
     Args:
-        cache: where it is kept; ``None`` writes it anew.
+        cache: that may hold it; ``None`` writes it again.
         what: kind of file.
         mesh: of the part, mm.
         path: of the file.

@@ -1,4 +1,4 @@
-"""`python -m fab.molds D=130 T=8`: from two numbers to every file that a lab needs to print and cast an endcap."""
+"""Command `python -m fab.molds D=130 T=8`: every file that a lab needs to print and cast an endcap of two sizes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fab.design import Design
     from fab.slice.printers import Printer
 
-MOST_WORKERS = 4  # more gain little (bench/bench_molds_cores.py): by then it is this process that takes longest
+MOST_WORKERS = 4  # more gain little (bench/bench_molds_cores.py), as this process then takes longest
 RECORD = "manifest.json"
 
 HELP = """\
@@ -98,7 +98,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
 @dataclass(frozen=True)
 class Written:
-    """What an export wrote: its folder, what lies there in words, and the time it took."""
+    """Result of an export: its folder, a summary of its files, and the time in seconds."""
 
     folder: Path
     summary: str
@@ -112,23 +112,24 @@ def export(
     interrupts: Interrupts | None = None,
     where: Printer | None = None,
 ) -> Written:
-    """Make, check and write all files of a variant, whole or not at all.
+    """Make, check and write all files of a variant; if this fails, nothing is written.
 
     Args:
-        variant: what is made.
-        exports: folder that receives the variant's own.
+        variant: that is made.
+        exports: folder that receives ``variant.label``.
         use_cache: whether the cache is read and written.
-        interrupts: what has come of signals; None where Python's own handling does.
-        where: the printer; None where none was asked for.
+        interrupts: signals received; None for Python's own handling.
+        where: the printer; None for none in particular.
 
     Raises:
-        ChecksFailedError: a check failed. FileError: the place cannot be written.
+        ChecksFailedError: a check failed.
+        FileError: the folder cannot be written.
     """
     require_writable(exports)
     final = exports / variant.label
     interrupts = interrupts or Interrupts()
-    ask = interrupts.raise_swallowed
-    with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
+    check_interrupt = interrupts.raise_swallowed
+    with Progress(check_interrupt) as progress, whole_folder(final, RECORD, check_interrupt) as folder:
         summary = cached_molds(variant, folder, interrupts, progress, use_cache, where)
     return Written(final, summary, progress.seconds)
 
@@ -141,18 +142,18 @@ def cached_molds(
     use_cache: bool,
     where: Printer | None = None,
 ) -> str:
-    """Take a variant out of the cache, where nothing that it depends on has changed, or make it.
+    """Restore a variant from the cache, if nothing that it depends on has changed, or make it.
 
     Args:
-        variant: what is made.
+        variant: that is made.
         folder: empty; receives every file.
-        interrupts: what has come of signals.
+        interrupts: signals received.
         progress: called with the name of each step as it begins.
         use_cache: whether the cache is read and written.
-        where: the printer; None where none was asked for.
+        where: the printer; None for none in particular.
 
     Returns:
-        What was made, in words.
+        Summary of the files.
     """
     cache = Cache()
     key = cache.key("molds", variant.identity | ({"printer": where.name} if where else {}))
@@ -171,12 +172,16 @@ def cached_molds(
 
 
 def worker_count() -> int:
-    """Processes that share the work with this one: two, or as many as cores and memory allow."""
+    """Number of further processes that share the work: two, or as many as cores and memory allow."""
     return max(2, min(processes_with_room(), MOST_WORKERS))
 
 
 def load_libraries(progress: Progress) -> None:
-    """Import CAD kernel and mesh libraries, which takes seconds."""
+    """Import CAD kernel and mesh libraries, which takes seconds.
+
+    Args:
+        progress: called with the name of the step.
+    """
     progress("CAD kernel")
     for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
         importlib.import_module(module)
@@ -193,15 +198,15 @@ def make_molds(
     """Build, write and check one endcap.
 
     Args:
-        variant: what is made.
+        variant: that is made.
         folder: empty; receives every file.
         workers: processes that share the work.
         progress: called with the name of each step as it begins.
-        cache: where work on parts that do not change with the clearance is kept.
-        where: the printer; None where none was asked for.
+        cache: of results that do not depend on the clearance.
+        where: the printer; None for none in particular.
 
     Returns:
-        What was made, in words.
+        Summary of the files.
 
     Raises:
         ChecksFailedError: a check failed.
@@ -240,7 +245,7 @@ def make_molds(
 
 
 def _bed_checks(design: Design, where: Printer | None) -> list[Check]:
-    """Room left on the printer's bed by every printed part, beside the limit of all sizes (256 mm)."""
+    """Check the room that each printed part leaves on the printer's bed, besides the limit of all sizes (256 mm)."""
     from fab.checks.check import Check
     from fab.slice.pose import standing
     from fab.slice.printers import room_left_mm
@@ -255,10 +260,13 @@ def _bed_checks(design: Design, where: Printer | None) -> list[Check]:
 
 
 def require_writable(folder: Path) -> None:
-    """Make the exports folder, or say at once why it cannot be.
+    """Make the exports folder before long work begins.
+
+    Args:
+        folder: of the exports.
 
     Raises:
-        FileError: it cannot be made or written.
+        FileError: the folder cannot be made or written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What parts and joints are for, in plain words: for the bill of materials and the build sheet."""
+"""Purposes of parts and joints in plain words, for the bill of materials and the build sheet."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 from cad.params import EndcapParams
 
-PARTS = {  # name without its number -> what it is for
+PARTS = {  # name without its number -> purpose
     "cup_bowl": "mold: outside of the dome, from the tip to its widest section",
     "cup_collar": "mold: outside of the dome, from its widest section to the rim",
     "core_centre": "mold: inside of the dome; the piece that comes out first",
@@ -20,7 +20,7 @@ PARTS = {  # name without its number -> what it is for
     "camera": "sees the dots from inside the dome",
     "led_ring": "lights the dome from inside",
 }
-WORKSHOP = {  # what has no line of the bill, as the steps name it -> what it is
+WORKSHOP = {  # things without a line in the bill, as named in the steps -> description
     "gyroid": "curved TPU sheet on the interface's flange; silicone runs through it and locks",
     "dam": "wall round the bowl above its seam; keeps in the silicone that rises while the mold closes",
     "piston": "end of the collar that slides into the dam, down to the bowl's seam",
@@ -34,7 +34,7 @@ WORKSHOP = {  # what has no line of the bill, as the steps name it -> what it is
 
 
 def part_words(name: str) -> str:
-    """What a part is for; its name in plain words where it is no part of the table.
+    """Purpose of a part; its name in plain words where the table does not have it.
 
     Args:
         name: of a part, such as ``core_key_2``.
@@ -43,16 +43,21 @@ def part_words(name: str) -> str:
 
 
 def height_words(params: EndcapParams, unit: str = "") -> str:
-    """How high the cast silicone is, and how high with the flange of the interface that it stands on.
+    """Text on the height of the cast silicone, without and with the flange of the interface below it.
 
     Args:
-        params: the design. unit: behind each number.
+        params: the design.
+        unit: after each number.
     """
     flange, tip = params.flange_thickness_mm, params.tip_height_mm
     return f"{tip - flange:.1f}{unit} high as cast; {tip:.1f}{unit} with the interface's flange of {flange:g}{unit}"
 
 
 def joint_words(name: str) -> str:
-    """What a joint holds together: ``hanger to core`` for ``hanger_to_core_key_1``, those of one kind alike."""
+    """The two parts of a joint: ``hanger to core`` for ``hanger_to_core_key_1``, the same for all joints of a kind.
+
+    Args:
+        name: of the joint.
+    """
     kind = re.sub(r"core_[a-z]+|cup_|_\d+", lambda match: "core" if match[0].startswith("core") else "", name)
     return kind.replace("_", " ")

@@ -1,4 +1,4 @@
-"""Is there time to cast? Whether a silicone stays pourable until its mold is closed, said before anything is made."""
+"""Check, before anything is made, that a silicone stays pourable until its mold is closed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fab.recipe import closed_cast_mm3, timeline
 
 
 def short_pot_life_words(layout: MoldLayout, volume_mm3: float | None = None) -> str | None:
-    """What to say of a silicone that thickens before the mold is closed; ``None`` where there is time.
+    """Warning for a silicone that thickens before the mold is closed; ``None`` where there is time.
 
     Args:
         layout: the design and its silicone.
-        volume_mm3: of the cast; by default its closed form, which needs no CAD kernel.
+        volume_mm3: of the cast, mm3; by default its closed form, which needs no CAD kernel.
     """
     volume = closed_cast_mm3(layout.params) if volume_mm3 is None else volume_mm3
     row, closed_min = silicone(layout.silicone), _closed_min(layout.silicone, volume)
@@ -31,22 +31,23 @@ def require_pot_life(layout: MoldLayout, volume_mm3: float) -> None:
     """Refuse a cast that thickens before its mold is closed.
 
     Args:
-        layout: the design and its silicone. volume_mm3: of the cast.
+        layout: the design and its silicone.
+        volume_mm3: of the cast, mm3.
 
     Raises:
-        ParameterError: there is no time; the line names the silicones that give it.
+        ParameterError: the time is too short; the message names silicones with a sufficient pot life.
     """
     if words := short_pot_life_words(layout, volume_mm3):
         raise ParameterError(words, name="material", value=layout.silicone)
 
 
 def _closed_min(name: str, volume_mm3: float) -> float:
-    """Minutes from the first touch of the two parts to the closed mold."""
+    """Minutes from the first contact of the two parts to the closed mold."""
     return timeline(silicone(name), volume_mm3)[-1].end_min
 
 
 def _fits(layout: MoldLayout, name: str, volume_mm3: float) -> bool:
-    """Whether another silicone has the time, and stays in joints of this clearance."""
+    """Whether another silicone leaves the time, and does not leak through joints of this clearance."""
     try:
         MoldLayout(layout.params, layout.joint_clearance_mm, name)
     except ParameterError:

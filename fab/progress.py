@@ -1,7 +1,7 @@
-"""Progress of a command: a line a step with its seconds.
+"""Progress of a command: one line for each step, with its seconds.
 
-On a terminal the running step stands on the last line until it is done; elsewhere (a file, a pipe, a log) each step is
-one plain line when it is done.
+On a terminal the last line shows the current step; elsewhere (a file, a pipe, a log) one line is written when a step is
+done.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from cad.messages import LOG, transient
 
 
 class Progress:
-    """Lines on standard error, so that what a command prints as its result stays apart.
+    """Progress lines on standard error, separate from the result on standard output.
 
     Args:
-        ask: called as each step begins; what it raises ends the command.
+        check_interrupt: called as each step begins; an exception that it raises ends the command.
     """
 
-    def __init__(self, ask: Callable[[], None] = lambda: None) -> None:
-        self._ask = ask
+    def __init__(self, check_interrupt: Callable[[], None] = lambda: None) -> None:
+        self._check_interrupt = check_interrupt
         self._start = time.monotonic()
         self._step: str | None = None
         self._since = self._start
@@ -32,22 +32,30 @@ class Progress:
         if kind is None:
             self._finish()
         elif self._step is not None:
-            transient()  # the step was not done
+            transient()  # the step failed
 
     @property
     def seconds(self) -> float:
-        """Time since the start."""
+        """Time since the start, s."""
         return time.monotonic() - self._start
 
     def __call__(self, step: str) -> None:
-        """Begin a step; the one before it is done."""
-        self._ask()
+        """Begin a step and end the one before it.
+
+        Args:
+            step: its name.
+        """
+        self._check_interrupt()
         self._finish()
         self._step, self._since = step, time.monotonic()
         transient(f"  ...    {step}")
 
     def done(self, seconds: float) -> None:
-        """The step is done, by a worker of its own that took so long."""
+        """End a step that a worker did.
+
+        Args:
+            seconds: that the worker took.
+        """
         self._finish(seconds)
 
     def _finish(self, seconds: float | None = None) -> None:

@@ -1,12 +1,12 @@
-"""How much silicone to weigh, when to do what, and what the cast should weigh. Volumes in mm^3, masses in grams.
+"""Recipe of a cast: masses of the silicone's parts, timeline, and expected mass. Volumes in mm^3, masses in grams.
 
 The volume is that of the shell's mesh: the body as cast, dents and gyroid taken off. Source of the silicones:
 ``cad/materials.csv``; surplus and times below are our estimates (E).
 
-Beyond the cast goes what a well shows last: the silicone that creeps out at the bowl's joints, at most
-(:mod:`cad.leak`), what dam's gap, flange's edge and vents hold, and the hand's error. Where less of it is lost, the
-rest rises through the wells onto the level hanger and stays there as a film. What passes the dam's gap finds more room
-between the bolt flanges; it is not counted.
+The pour exceeds the cast by the largest leak through the bowl's joints (:mod:`cad.leak`), the volume of the dam's gap,
+of the flange's edge and of the vents, and the error of pouring by hand; the wells fill last. If less leaks, the rest
+rises through the wells and stays as a film on the level hanger. Further room between the bolt flanges, behind the dam's
+gap, is neglected.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.check import Check
 
-SURPLUS = 0.15  # E: over the cast; most of it stays in the cup and on the stick
-HAND_G = 1.0  # E: a hand stops a thin stream to this, with the cup on the scale
-SHOWN_RATIO = 0.5  # E: of a well's depth: seen at a glance
+SURPLUS = 0.15  # E: share over the cast; most of it stays in the cup and on the stick
+HAND_G = 1.0  # E: error of stopping a thin stream by hand, with the cup on the scale
+SHOWN_RATIO = 0.5  # E: share of a well's depth that is clearly visible
 FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high
 SCALE_G = 0.1  # smallest step of a kitchen scale that weighs to 0.1 g
-LOW_MASS_RATIO = 0.98  # E: below it the mold was not full, or air is trapped
+LOW_MASS_RATIO = 0.98  # E: below this share the mold was not full, or air is trapped
 DEGAS = "degas until the foam has fallen"
 MIX_MIN, EASY_KG, MIX_MIN_PER_KG = 3.0, 0.5, 1.0  # E: scraping sides and bottom; longer for more than half a kilogram
 DEGAS_MIN, LEAST_DEGAS_MIN = 5.0, 3.0  # E: until the foam has fallen, at 29 inHg
 POUR_MIN = 5.0  # E: thin stream onto one spot, at the least
 POUR_PA_ML = 7000 / 60  # E: viscosity x flow of such a stream: 200 ml a minute of 35 Pa s; it runs under its weight
-SPARE_MIN = 1.0  # E: of the pot life, which degassing leaves
+SPARE_MIN = 1.0  # E: of the pot life, kept free by degassing
 SHOWN_MIN = 0.5
 CLOSE_MIN = 7.0  # E: lowering the upper half slowly, six bolts crosswise
 RELEASE_AGENT = "Ease Release 200"  # P
@@ -44,7 +44,7 @@ RELEASE_AGENT = "Ease Release 200"  # P
 
 @dataclass(frozen=True)
 class TimelineStep:
-    """One step before the pot life ends; minutes since the two parts met."""
+    """One step before the pot life ends; minutes since the two parts were combined."""
 
     start_min: float
     end_min: float
@@ -53,12 +53,12 @@ class TimelineStep:
 
 @dataclass(frozen=True)
 class Overflow:
-    """Where silicone beyond the cast goes, mm^3.
+    """Volumes of the silicone beyond the cast, mm^3.
 
     Attributes:
-        leak: at most, out of the bowl's joints before it sets.
+        leak: largest, through the bowl's joints before the silicone sets.
         gap: between dam and piston.
-        edge: between the interface's flange and the collar; silicone gets to the vents through its notches.
+        edge: between the interface's flange and the collar; silicone reaches the vents through its notches.
         vents: of the hanger, below the wells.
         wells: of the hanger, full.
         film: on top of the hanger.
@@ -75,24 +75,24 @@ class Overflow:
 
     @property
     def room(self) -> float:
-        """What stays inside the closed mold."""
+        """Volume that stays inside the closed mold."""
         return self.gap + self.edge + self.vents + self.wells
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What to weigh and what to expect.
+    """Recipe of one cast.
 
     Attributes:
         silicone: row of the table.
         cast_volume_mm3: of the finished shell.
         surplus: share mixed over it.
-        overflow: where silicone beyond the cast goes.
-        part_a_g, part_b_g: to weigh, rounded up to a tenth of a gram.
+        overflow: volumes of the silicone beyond the cast.
+        part_a_g, part_b_g: to be weighed, rounded up to a tenth of a gram.
         expected_g: mass of the cast, TPU not counted.
-        lightest_g: below it the cast is not sound.
-        air_mm3_per_g: volume that each missing gram stands for.
-        timeline: steps after the two parts meet.
+        lightest_g: least mass of a sound cast.
+        air_mm3_per_g: volume of air for each missing gram.
+        timeline: steps after the two parts were combined.
     """
 
     silicone: Silicone
@@ -108,14 +108,14 @@ class Recipe:
 
     @property
     def hand_mm3(self) -> float:
-        """The hand's error in pouring."""
+        """Error of pouring by hand, mm^3."""
         return HAND_G * self.air_mm3_per_g
 
     @property
     def beyond_mm3(self) -> float:
-        """What is poured beyond the cast: enough for the wells to show it after the largest leak and too short a pour.
+        """Volume poured beyond the cast: it reaches the wells even after the largest leak and too short a pour, mm^3.
 
-        Gap, edge and vents lie deeper than the wells, so they count as full.
+        Gap, edge and vents lie deeper than the wells, so they are full.
         """
         lost, places = self.overflow.leak + self.hand_mm3, self.overflow
         return lost + places.gap + places.edge + places.vents + SHOWN_RATIO * places.wells
@@ -127,12 +127,12 @@ class Recipe:
 
     @property
     def heaviest_g(self) -> float:
-        """Most that the cast can weigh: all that is poured, the hand's error and a step of the scale."""
+        """Largest possible mass of the cast: all that is poured, the error of pouring and a step of the scale."""
         return self.poured_g + HAND_G + SCALE_G
 
     @property
     def is_degassed(self) -> bool:
-        """Whether the pot life leaves time for it."""
+        """Whether the pot life leaves time to degas."""
         return any(step.what == DEGAS for step in self.timeline)
 
     @property
@@ -158,12 +158,13 @@ def recipe(
 
     Args:
         cast_volume_mm3: volume of the shell's mesh.
-        overflow: where silicone beyond the cast goes (:func:`overflow_of`).
+        overflow: volumes of the silicone beyond the cast (:func:`overflow_of`).
         material: a name in ``cad/materials.csv``.
         surplus: share mixed over the cast's own mass.
 
     Raises:
-        ParameterError: an unknown material. FileError: a table with a bad row.
+        ParameterError: an unknown material.
+        FileError: a table with a bad row.
     """
     row = silicone(material)
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
@@ -184,10 +185,12 @@ def recipe(
 
 
 def timeline(row: Silicone, cast_volume_mm3: float, surplus: float = SURPLUS) -> tuple[TimelineStep, ...]:
-    """Steps after the two parts meet; degassing takes what the pot life leaves, or is left out.
+    """Steps after the two parts were combined; degassing has the time that the pot life leaves, or is left out.
 
     Args:
-        row: the silicone. cast_volume_mm3: of the shell. surplus: share mixed over the cast's own mass.
+        row: the silicone.
+        cast_volume_mm3: of the shell.
+        surplus: share mixed over the cast's own mass.
     """
     mixed_g = cast_volume_mm3 * row.density_g_cm3 / 1000 * (1 + surplus)
     mix = _half_minutes_up(MIX_MIN + MIX_MIN_PER_KG * max(0.0, mixed_g / 1000 - EASY_KG))
@@ -211,13 +214,21 @@ def _half_minutes_up(minutes: float) -> float:
 
 
 def millilitres(volume_mm3: float) -> str:
-    """A small volume in ml to a tenth; where that is nothing, to its first figure that is not 0: ``0.04``."""
+    """A small volume in ml to a tenth, or to its first significant digit: ``0.04``.
+
+    Args:
+        volume_mm3: mm3.
+    """
     ml = volume_mm3 / 1000
     return f"{ml:.1f}" if ml >= 0.05 else f"{ml:.1g}"
 
 
 def overflow_of(layout: MoldLayout) -> Overflow:
-    """Where silicone beyond the cast goes in one mold."""
+    """Volumes of the silicone beyond the cast in one mold.
+
+    Args:
+        layout: mold sizes.
+    """
     from cad.hanger import VENT_RADIUS_MM, WELL_DEPTH_MM, WELL_RADIUS_MM
 
     count, params = len(layout.vent_azimuths_deg), layout.params
@@ -234,7 +245,11 @@ def overflow_of(layout: MoldLayout) -> Overflow:
 
 
 def overflow_checks(mix: Recipe) -> list[Check]:
-    """The pour fills the mold after the largest leak, and all of it has its place without any."""
+    """Check that the pour fills the mold after the largest leak, and that the mold has room for it without a leak.
+
+    Args:
+        mix: the recipe.
+    """
     places, most = mix.overflow, mix.beyond_mm3 + mix.hand_mm3
     least = mix.beyond_mm3 - mix.hand_mm3 - places.leak - places.gap - places.edge - places.vents
     return [
@@ -247,7 +262,7 @@ def overflow_checks(mix: Recipe) -> list[Check]:
 def closed_cast_mm3(params: EndcapParams) -> float:
     """Volume of the cast in closed form: the shell above the flange less the plastic in the gyroid's zone.
 
-    Dents and fillet are left out; the mesh of ``make molds`` has them.
+    Dents and fillet are neglected; the mesh of ``make molds`` has them.
 
     Args:
         params: the design.
@@ -256,7 +271,10 @@ def closed_cast_mm3(params: EndcapParams) -> float:
 
 
 def shell_volume_mm3(manifest: Mapping[str, Any]) -> float:
-    """Volume of the cast shell, from the manifest.
+    """Volume of the cast shell, from the manifest, mm3.
+
+    Args:
+        manifest: of the export.
 
     Raises:
         FileError: the manifest has no shell.

@@ -1,4 +1,4 @@
-"""What is bought besides the parts: rows of ``supplies.csv``, with what to order, how much, and for which step."""
+"""Supplies besides the parts: rows of ``supplies.csv`` with order, amount and purpose."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from fab.steps.record import Step
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
 AT_SOME_SIZES = ("soft ring",)  # rows that only some orders of the steps need
-CUP_TIMES = 5  # E: foam rises to this many times the volume while it is degassed
+CUP_TIMES = 5  # E: volume of the foam during degassing, over that of the mix
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
 DRILL_USE = "holes of the adapter for your robot"  # of rows that are needed only where its robot side is blank
 BLANK = re.compile(r"\{(\w+)\}")
 LEVEL_LIES_MM = 3.0  # E: of a spirit level on the dam, at either end
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
-STAYS_IN_BOTTLES = 1.02  # E: so much more is bought than is weighed out
+STAYS_IN_BOTTLES = 1.02  # E: ratio of the mass bought to the mass weighed out
 SPARE = 1.1  # E: skirts, brims, and a part that fails
+ESTIMATE_ERROR = 0.15  # E: of the plastic before it is sliced (fab/build_sheet/plastic.py has what was measured)
 LEAST_CHAMBER_L = 5
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
 PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
@@ -41,12 +42,12 @@ class Supply:
     """One row.
 
     Attributes:
-        name: what it is; of a silicone, its name in ``cad/materials.csv``.
+        name: of the item; of a silicone, its name in ``cad/materials.csv``.
         kind: one of ``KINDS``.
-        order_as: what to ask for; the blanks of :func:`supply_lines` are filled in, such as ``{cup_ml}``.
+        order_as: what to order; the blanks of :func:`supply_lines` are filled in, such as ``{cup_ml}``.
         amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
         unit: of the amount.
-        use: what it is for; the same blanks are filled in.
+        use: its purpose; the same blanks are filled in.
         price_usd: of the amount; ``None`` for tools that a workshop has.
         provenance: letter of docs/provenance.md, and why.
     """
@@ -77,10 +78,12 @@ def supplies() -> dict[str, Supply]:
 
 
 def supply_lines(mix: Recipe, layout: MoldLayout, robot: str = DEFAULT_ROBOT) -> list[BomLine]:
-    """Lines of parts, consumables and tools that no part of the design asks for itself.
+    """Lines of the parts, consumables and tools that no part of the design requires by itself.
 
     Args:
-        mix: recipe of the cast. layout: mold sizes. robot: what the arm adapter fits.
+        mix: recipe of the cast.
+        layout: mold sizes.
+        robot: row of cad/robot_sides.csv that the arm adapter fits.
     """
     blanks = _blanks(mix, layout, robot)
 
@@ -99,7 +102,7 @@ def supply_lines(mix: Recipe, layout: MoldLayout, robot: str = DEFAULT_ROBOT) ->
 
 
 def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
-    """What the blanks of the table's texts stand for; other words in braces stay as they are."""
+    """Values of the blanks in the texts of the table; other words in braces stay unchanged."""
     mixed_g = mix.part_a_g + mix.part_b_g
     cup_times = CUP_TIMES if mix.is_degassed else STIR_TIMES
     cup_ml = math.ceil(cup_times * mixed_g / mix.silicone.density_g_cm3 / 100) * 100
@@ -119,7 +122,7 @@ def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
 
 
 def spool_usd(item: str) -> float | None:
-    """Price of one spool, by its plastic's price a kilogram; ``None`` for what is no filament.
+    """Price of one spool from the price of a kilogram; ``None`` for an item that is no filament.
 
     Args:
         item: name of a row, such as ``PLA filament``.
@@ -129,10 +132,11 @@ def spool_usd(item: str) -> float | None:
 
 
 def for_steps(lines: Sequence[BomLine], steps: Iterable[Step]) -> list[BomLine]:
-    """The lines less those that are needed at some sizes only and that no step names.
+    """The lines without those that are needed at some sizes only and that no step names.
 
     Args:
-        lines: of the bill. steps: of the whole work.
+        lines: of the bill.
+        steps: of the whole work.
     """
     words = " ".join(line for step in steps for line in step.lines)
     return [line for line in lines if line.item not in AT_SOME_SIZES or line.item in words]
@@ -142,7 +146,8 @@ def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[fl
     """Grams of each plastic in the printed parts.
 
     Args:
-        parts: of the manifest. figures: grams and price of each part that was sliced.
+        parts: of the manifest.
+        figures: grams and price of each part that was sliced.
     """
     grams: dict[str, float] = {}
     for part in parts:
@@ -151,33 +156,48 @@ def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[fl
     return grams
 
 
-def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float]) -> list[BomLine]:
-    """The same lines with as many spools as the prints take.
+def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float], is_estimate: bool = False) -> list[BomLine]:
+    """Lines of the bill with the number of spools that the prints need.
 
     Args:
-        lines: of the bill. grams: of each plastic, as sliced; of one that is missing the table's amount stays.
+        lines: of the bill.
+        grams: of each plastic; the line of a plastic that is missing keeps the amount of the table.
+        is_estimate: whether the grams are estimated, and not sliced; then the lines name them with their range.
     """
-    spools = {
-        _filament_item(plastic): math.ceil(SPARE * grams[plastic] / spool)
-        for plastic, spool in SPOOL_G.items()
-        if grams.get(plastic)
-    }
-    return [
-        replace(line, quantity=spools[line.item], pack_usd=spools[line.item] * (spool_usd(line.item) or 0.0))
-        if line.item in spools
-        else line
-        for line in lines
-    ]
+    plastics = {_filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
+    counted = []
+    for line in lines:
+        if plastic := plastics.get(line.item):
+            spools = math.ceil(SPARE * grams[plastic] / SPOOL_G[plastic])
+            use = line.use + (f"; {estimate_words(grams[plastic])}" if is_estimate else "")
+            line = replace(line, quantity=spools, pack_usd=spools * (spool_usd(line.item) or 0.0), use=use)
+        counted.append(line)
+    return counted
+
+
+def estimate_words(grams: float) -> str:
+    """Text on the plastic of prints that are not sliced: ``estimated 680 to 920 g until sliced``.
+
+    Args:
+        grams: as estimated.
+    """
+    low, high = ((1 + sign * ESTIMATE_ERROR) * grams for sign in (-1, 1))
+    digits = 0 if high < 100 else -1
+    return f"estimated {round(low, digits):.0f} to {round(high, digits):.0f} g until sliced"
 
 
 def camera_supply() -> Supply:
-    """The camera module at hand (:mod:`cad.lens`)."""
+    """The camera module (:mod:`cad.lens`)."""
     module = camera_module()
     return Supply("camera module", "part", module.order_as, 1, "pc", "camera", module.price_usd, module.provenance)
 
 
 def silicone_line(mix: Recipe) -> BomLine:
-    """Kits of the silicone to buy, and what of them goes into the cast."""
+    """Line of the silicone: kits to buy, and the mass in the cast.
+
+    Args:
+        mix: recipe of the cast.
+    """
     grams = round(mix.part_a_g + mix.part_b_g, 1)
     item = f"{mix.silicone.name}: {mix.part_a_g:.1f} g A, {mix.part_b_g:.1f} g B"
     kit = supplies().get(mix.silicone.name)
@@ -190,12 +210,16 @@ def silicone_line(mix: Recipe) -> BomLine:
 
 
 def bag_size(count: int) -> int:
-    """How many the smallest bag of screws holds that has at least so many."""
+    """Size of the smallest bag with enough screws.
+
+    Args:
+        count: of screws that are needed.
+    """
     return next((size for size in PACKS if size >= count), count)
 
 
 def _filament_item(plastic: str) -> str:
-    """The row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A."""
+    """Name of the row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A."""
     return f"{plastic.split()[0]} filament"
 
 

@@ -1,4 +1,4 @@
-"""One variant of a design: the two numbers, the joint clearance of your printer, the silicone, robot and camera.
+"""Variant of a design: D and T, joint clearance of the printer, silicone, robot and camera.
 
 The folder of a variant names everything that differs from the default, so no variant overwrites another.
 """
@@ -21,14 +21,14 @@ from cad.robot_sides import DEFAULT_ROBOT, robot_side
 
 @dataclass(frozen=True)
 class Variant:
-    """What one export folder holds.
+    """Variant that one export folder contains.
 
     Attributes:
-        layout: the two numbers, the joint clearance and the silicone.
+        layout: design, joint clearance and silicone.
         robot: pattern of ``cad/robot_sides.csv`` that the arm adapter has.
 
     Raises:
-        ParameterError: a robot that is not in the table.
+        ParameterError: an unknown robot.
     """
 
     layout: MoldLayout
@@ -39,7 +39,7 @@ class Variant:
 
     @property
     def params(self) -> EndcapParams:
-        """The two numbers."""
+        """The design."""
         return self.layout.params
 
     @property
@@ -51,7 +51,7 @@ class Variant:
     def label(self) -> str:
         """Name of the folder: ``D130_T8``, ``D130_T8_c0.2``, ``D130_T8_Dragon-Skin-30``, ``D130_T8_blank``.
 
-        The camera module that the environment names is part of it, too.
+        The camera module named by the environment is part of it, too.
         """
         parts = [self.params.label]
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
@@ -64,7 +64,7 @@ class Variant:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Everything that makes this variant what it is, for digests."""
+        """All parameters of the variant, for digests."""
         return {
             "design": self.params.digest,
             "joint_clearance_mm": self.layout.joint_clearance_mm,
@@ -87,7 +87,7 @@ class Variant:
         return " ".join(words)
 
     def command(self, target: str) -> str:
-        """A command of make for it: ``make slice D=130 T=8``, with the camera module that the environment names.
+        """A command of make for the variant: ``make slice D=130 T=8``, with the camera module named by the environment.
 
         Args:
             target: of make.
@@ -105,24 +105,30 @@ def coupons_command(silicone: str) -> str:
 
 
 def printer_option(name: str) -> str:
-    """The option that names a printer, as a shell takes it: quotes round a name with a space."""
+    """The option of a printer, quoted for a shell.
+
+    Args:
+        name: of the printer.
+    """
     return f"printer={shlex.quote(name)}"
 
 
 def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
-    """The variant that an export's manifest names.
+    """The variant of an export, from its manifest.
 
     Args:
-        params: its two numbers. manifest: as read; one of before robots could be chosen says nothing of its own.
+        params: the design.
+        manifest: as read; older ones name no robot, which then is the default.
 
     Raises:
-        KeyError, TypeError, ValueError: it is no manifest of an export. ParameterError: what it names cannot be made.
+        KeyError, TypeError, ValueError: the manifest is not one of an export.
+        ParameterError: the variant cannot be made.
     """
     layout = MoldLayout(params, float(manifest["joint_clearance_mm"]), str(manifest["silicone"]))
     return Variant(layout, str(manifest.get("robot", DEFAULT_ROBOT)))
 
 
 def camera_words() -> tuple[str, ...]:
-    """What another camera module than the released one adds to the name of a folder; nothing for the released one."""
+    """Suffix of a folder's name for another camera module than the released one; empty for that one."""
     name = camera_module().name
     return () if name == RELEASED_MODULE else (file_name(name),)

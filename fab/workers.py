@@ -1,7 +1,7 @@
-"""Worker processes that share a command's work and never outlive it.
+"""Worker processes that share the work of a command and never outlive it.
 
-Workers are forked, so they start with the libraries that the command has loaded. They end with their parent however it
-ends: Linux sends them SIGKILL (prctl PR_SET_PDEATHSIG), elsewhere a thread of theirs waits for the parent.
+Workers are forked, so they start with the libraries that the command has loaded. They end with their parent,
+however it ends: Linux sends them SIGKILL (prctl PR_SET_PDEATHSIG), elsewhere a thread of theirs waits for the parent.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cad.pools import close_result_writer
 from fab.exports.whole_folder import ENDING_SIGNALS
 
 PR_SET_PDEATHSIG = 1  # S: linux/prctl.h
-# Of memory for each process: of 16 GB, which are said to be 15.5, four. One more takes 1 GB in `make molds` at
+# Of memory for each process: four of 16 GB, which systems report as 15.5. One more takes 1 GB in `make molds` at
 # D=250 T=25, and holds three after ten large sizes of the survey (M).
 PROCESS_BYTES = 7 << 29
 
@@ -32,33 +32,33 @@ class WorkerLostError(EndcapError):
 
 
 def usable_cores() -> int:
-    """Cores that this process may use; where the system does not say which, all of the computer's."""
+    """Number of cores that this process may use; all of the computer where the system does not report it."""
     if hasattr(os, "sched_getaffinity"):  # Linux
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def memory_bytes() -> int:
-    """Memory of this computer."""
+    """Memory of this computer, bytes."""
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def processes_with_room() -> int:
-    """How many processes cores and memory allow, one at the least."""
+    """Number of processes that cores and memory allow, at least one."""
     return max(1, min(usable_cores(), memory_bytes() // PROCESS_BYTES))
 
 
 @contextmanager
 def worker_pool(count: int) -> Iterator[Executor]:
-    """Workers, all started at once; on any error they are killed before the error goes on.
+    """Pool of workers, all started at once; on any error they are killed before the error is raised further.
 
-    So whoever removes what they were writing (:func:`fab.exports.whole_folder.whole_folder`) goes outside this context.
+    A context that removes their files (:func:`fab.exports.whole_folder.whole_folder`) must therefore enclose this one.
 
     Args:
-        count: processes.
+        count: of processes.
 
     Raises:
-        WorkerLostError: one was killed, most likely for want of memory.
+        WorkerLostError: a worker was killed, probably for lack of memory.
     """
     context = multiprocessing.get_context("fork")
     others = set(multiprocessing.active_children())
@@ -81,7 +81,7 @@ def worker_pool(count: int) -> Iterator[Executor]:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process end as soon as its parent does.
+    """Make this process end as soon as its parent does.
 
     Args:
         parent: process id of the parent, taken before the fork: it may have ended since.

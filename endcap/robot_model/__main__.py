@@ -55,8 +55,8 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     from endcap.robot_model.folder import write_robot_model
 
     final = Path(options["exports"]) / variant.label / FOLDER
-    ask = interrupts.raise_swallowed
-    with Progress(ask) as progress, whole_folder(final, RECORD, ask) as folder:
+    check_interrupt = interrupts.raise_swallowed
+    with Progress(check_interrupt) as progress, whole_folder(final, RECORD, check_interrupt) as folder:
         said = write_robot_model(variant, friction, folder, progress)
     for line in said:
         show(line)

@@ -1,4 +1,4 @@
-"""`python -m fab.bond_tests DIR`: bond strengths from the files of a testing machine, as the paper reports them."""
+"""Command `python -m fab.bond_tests DIR`: bond strengths from files of a testing machine, as the paper reports them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from cad.whole_file import drafted, put_file
 from fab.bond_tests.files import read_record
 from fab.bond_tests.results import KINDS, Comparison, Group, Specimen, compare, evaluate, summarize
 
+LAYOUT = "tensile/METHOD/*.csv or peel/METHOD/*.csv"
+TABLE = "bond_specimens.csv"
+MOST_NAMED = 5  # files in the warning of those left out
 HELP = """\
 DIR holds one folder for each test and bonding method, with one CSV file for each specimen:
 
@@ -46,6 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     try:
         specimens = read_folder(arguments.folder)
+        if left := left_out(arguments.folder):
+            names = ", ".join(left[:MOST_NAMED]) + (", ..." if len(left) > MOST_NAMED else "")
+            LOG.warning(f"bond_tests: {len(left)} CSV files are left out, not in {LAYOUT}: {names}")
         groups, comparisons = summarize(specimens), compare(specimens)
         write_results(specimens, groups, comparisons, arguments.out or arguments.folder)
     except EndcapError as error:
@@ -56,30 +62,51 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def read_folder(folder: Path) -> list[Specimen]:
-    """Every specimen of a folder, by test, method and file name.
+    """Specimens of a folder, sorted by test, method and file name.
+
+    Args:
+        folder: with ``tensile/METHOD/*.csv`` and ``peel/METHOD/*.csv``, in upper or lower case.
 
     Raises:
         FileError: no files, or one that is refused.
     """
-    specimens = []
-    for kind in KINDS:
-        methods = sorted(path for path in (folder / kind).glob("*") if path.is_dir()) if folder.is_dir() else []
-        for method in methods:
-            specimens += [evaluate(read_record(path), kind, method.name) for path in _tables(method)]
+    specimens = [evaluate(read_record(path), kind, path.parent.name) for kind, path in _records(folder)]
     if not specimens:
-        raise FileError(
-            f"{folder}: no files like tensile/METHOD/*.csv or peel/METHOD/*.csv: sort your exports that way"
-        )
+        raise FileError(f"{folder}: no files like {LAYOUT}: sort your exports that way")
     return specimens
 
 
-def _tables(method: Path) -> list[Path]:
-    """CSV files of one method, by name; testing machines' computers write ``.CSV``, too."""
-    return sorted(path for path in method.iterdir() if path.suffix.lower() == ".csv")
+def left_out(folder: Path) -> list[str]:
+    """CSV files below a folder that :func:`read_folder` does not read, except the command's own table.
+
+    Args:
+        folder: of the tests.
+
+    Returns:
+        Paths relative to the folder, sorted.
+    """
+    read = {path for _, path in _records(folder)}
+    others = {path for path in folder.rglob("*") if path.suffix.lower() == ".csv" and path.name != TABLE}
+    return sorted(str(path.relative_to(folder)) for path in others - read)
+
+
+def _records(folder: Path) -> list[tuple[str, Path]]:
+    """Kind of test and CSV file of each specimen; machines also write ``.CSV``."""
+    found = []
+    for kind in KINDS:
+        methods = (path for path in folder.glob("*/*") if path.parent.name.lower() == kind and path.is_dir())
+        for method in sorted(methods):
+            found += [(kind, path) for path in sorted(method.iterdir()) if path.suffix.lower() == ".csv"]
+    return found
 
 
 def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:
-    """Results in words."""
+    """Results as text, a line for each group and each comparison.
+
+    Args:
+        groups: statistics of the groups.
+        comparisons: of pairs of groups.
+    """
     lines = []
     for g in groups:
         failures = ", ".join(f"{count} {mark}" for mark, count in g.failures.items())
@@ -102,10 +129,13 @@ def report(groups: Sequence[Group], comparisons: Sequence[Comparison]) -> str:
 def write_results(
     specimens: Sequence[Specimen], groups: Sequence[Group], comparisons: Sequence[Comparison], folder: Path
 ) -> None:
-    """Write table, statistics and box plots; each appears whole.
+    """Write table, statistics and box plots; no file is ever left incomplete.
 
     Args:
-        specimens: rows of the table. groups, comparisons: the statistics. folder: made if it is missing.
+        specimens: rows of the table.
+        groups: statistics of the groups.
+        comparisons: of pairs of groups.
+        folder: made if it is missing.
 
     Raises:
         FileError: the folder cannot be written.
@@ -118,7 +148,7 @@ def write_results(
     text = json.dumps(_plain(content), indent=1, allow_nan=False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, data in (("bond_specimens.csv", table.getvalue()), ("bond_tests.json", text + "\n")):
+        for name, data in ((TABLE, table.getvalue()), ("bond_tests.json", text + "\n")):
             put_file(folder / name, data.encode())
         with drafted(folder / "bond_tests.png") as draft:
             draw_boxes(specimens, draft)
@@ -127,7 +157,12 @@ def write_results(
 
 
 def draw_boxes(specimens: Sequence[Specimen], path: Path) -> None:
-    """The paper's figure: box plots of largest tensile and mean peel force, every specimen as a dot."""
+    """Draw the paper's figure: box plots of largest tensile and mean peel force, each specimen as a dot.
+
+    Args:
+        specimens: of both tests or of one.
+        path: of the PNG file.
+    """
     from matplotlib.figure import Figure
 
     kinds = [kind for kind in KINDS if any(s.kind == kind for s in specimens)]
@@ -157,7 +192,7 @@ def draw_boxes(specimens: Sequence[Specimen], path: Path) -> None:
 
 
 def _plain(value: object) -> object:
-    """The same with null for NaN, which JSON has not."""
+    """Copy of a value with None for NaN, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,11 +1,12 @@
-"""Read what a testing machine exports: load against crosshead displacement, as CSV (Instron Bluehill and alike).
+"""Reader of load-displacement records that testing machines export as CSV (Instron Bluehill and similar).
 
-A file has rows of anything (parameters, results), then one row of column names with the units in it (``Load (N)``,
-``Load [N]``) or in the row below (``(N)``, ``N``), then numbers to the end; empty lines count nowhere. Comma, semicolon
-or tab between columns; a decimal comma where the columns are not separated by commas. A row whose first cell is
-``Failure``, ``Failure type`` or ``Failure mode``, alone or with a colon, marks how the specimen failed
-(``Failure type : material``, ``Failure,material``); a failure load or criterion is a row of anything. Out come
-millimetres, newtons and seconds.
+A file has any rows of parameters and results, then one row of column names, then numbers to the end. Names are English
+or German; units stand in the same row (``Load (N)``, ``Load [N]``, ``Load / N``, ``Load_N``, ``Kraft in N``) or in the
+row below (``(N)``, ``N``). Empty lines are ignored. Columns are separated by comma, semicolon or tab; a decimal comma
+is read where the columns are not separated by commas. A row whose first cell is ``Failure``, ``Failure type`` or
+``Failure mode``, alone or with a colon, marks how the specimen failed (``Failure type : material``,
+``Failure,material``); a failure load or criterion is ignored like the other rows. Values are converted to millimetres,
+newtons and seconds.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ import numpy as np
 from cad.errors import FileError
 
 NAMES = {
-    "time_s": ("time", "test time"),
-    "displacement_mm": ("extension", "displacement", "crosshead", "position", "stroke", "travel"),
-    "load_n": ("load", "force"),
+    "time_s": ("time", "test time", "zeit", "prüfzeit"),
+    "displacement_mm": (
+        *("extension", "displacement", "crosshead", "position", "stroke", "travel"),
+        *("weg", "traversenweg", "verschiebung", "verlängerung"),
+    ),
+    "load_n": ("load", "force", "kraft", "prüfkraft", "standardkraft"),
 }
 UNITS = {
     "time_s": {"s": 1.0, "sec": 1.0, "min": 60.0, "ms": 1e-3},
@@ -33,23 +37,27 @@ UNITS = {
 }
 FAILURES = ("adhesive", "cohesive", "material", "mixed")
 UNIT_CELL = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
+UNIT_WORDS = "|".join(sorted({word for known in UNITS.values() for word in known}))
+UNIT_END = re.compile(rf"(?:\s*/\s*|_|\s+in\s+)({UNIT_WORDS})$", re.IGNORECASE)  # "Load / N", "Load_N", "Kraft in N"
 FAILURE_CELL = re.compile(r"failure(?:\s+(?:type|mode))?\s*(?::\s*(.*))?")
 LEAST_ROWS = 20
 GAP = "a gap in the record; test again"
-GAP_RATIO = 8.0  # a step of this many usual steps is a gap in the record
-BACK_MM = 0.5  # the crosshead does not go back further than its own play
-FLAT_SHARE = 0.2  # of its largest load, what a record may go below zero: zero drift and a swinging grip
+TEXT = "only rows of numbers may follow the column names: delete rows of text among or below them"
+GAP_RATIO = 8.0  # a step over this many median steps is a gap in the record
+BACK_MM = 0.5  # largest backward motion of the crosshead: its play
+FLAT_SHARE = 0.2  # largest negative load, as a share of the largest load: zero drift and a swinging grip
 
 
 @dataclass(frozen=True)
 class Record:
-    """One specimen.
+    """Record of one specimen.
 
     Attributes:
         path: its file.
-        displacement_mm, load_n: (n,) crosshead travel from its first row, and load in tension.
-        time_s: (n,), or None where the file has none.
-        failure: how it failed, one of :data:`FAILURES`, or an empty string where it is not marked.
+        displacement_mm: (n,) crosshead displacement from the first row, mm.
+        load_n: (n,) load, positive in tension, N.
+        time_s: (n,) time of the machine, s, or None where the file has none.
+        failure: one of :data:`FAILURES`, or an empty string where the failure is not marked.
     """
 
     path: Path
@@ -62,8 +70,12 @@ class Record:
 def read_record(path: Path) -> Record:
     """Read and check one file.
 
+    Args:
+        path: of a CSV file.
+
     Raises:
-        FileError: no columns of displacement and load, a wrong unit, a gap, a reversed sign; it names file and line.
+        FileError: no columns of displacement and load, an unknown unit, a gap, a reversed sign, a row of text among or
+            below the numbers; the message names file and line.
     """
     rows = _rows(path)
     failure = _failure(path, rows)
@@ -77,6 +89,7 @@ def read_record(path: Path) -> Record:
 
 
 def _rows(path: Path) -> list[list[str]]:
+    """Cells of every line, with decimal points."""
     lines = _text(path).splitlines()
     mark = max(";\t,", key=lambda sign: sum(line.count(sign) > 0 for line in lines)) if lines else ","
     if sum(";" in line for line in lines) * 2 > len(lines):
@@ -88,7 +101,7 @@ def _rows(path: Path) -> list[list[str]]:
 
 
 def _text(path: Path) -> str:
-    """The file as text; a Windows computer writes its own code page or UTF-16 where Unicode was not asked for."""
+    """Text of a file in UTF-8, or in UTF-16 or the Windows code page, which programs under Windows write."""
     try:
         data = path.read_bytes()
         if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -102,6 +115,7 @@ def _text(path: Path) -> str:
 
 
 def _failure(path: Path, rows: list[list[str]]) -> str:
+    """Marked kind of failure; an empty string where no row marks it."""
     for number, row in enumerate(rows, start=1):
         found = FAILURE_CELL.fullmatch(row[0].lower()) if row else None
         kind = (found[1] or (row[1].lower() if len(row) > 1 else "")) if found else ""
@@ -113,7 +127,7 @@ def _failure(path: Path, rows: list[list[str]]) -> str:
 
 
 def _columns(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, tuple[int, float]], int]:
-    """Row of the names, columns with their factors to mm, N and s, and the first row of numbers."""
+    """Row of the names, columns with their factors to mm, N and s, and first row of the numbers."""
     for number, row in enumerate(rows):
         places = {name: _place(row, words) for name, words in NAMES.items()}
         if places["displacement_mm"] is None or places["load_n"] is None:
@@ -135,16 +149,19 @@ def _columns(path: Path, rows: list[list[str]]) -> tuple[int, dict[str, tuple[in
 
 
 def _place(row: list[str], words: tuple[str, ...]) -> int | None:
+    """Index of the first cell that is one of the names, without its unit; None where no cell is."""
     for k, cell in enumerate(row):
-        plain = UNIT_CELL.sub("", cell).strip().lower()
+        plain = UNIT_END.sub("", UNIT_CELL.sub("", cell).strip()).lower()
         if any(plain == word or plain.endswith(f" {word}") for word in words):
             return k
     return None
 
 
 def _factor(path: Path, line: int, name: str, title: str, cell: str) -> float:
+    """Factor from the unit of a column to mm, N or s."""
     units = UNIT_CELL.findall(cell)  # the last: "Displacement (Strain 1) (mm)" names the gauge first
-    word = (units[-1] if units else cell).strip().lower()
+    end = UNIT_END.search(cell)
+    word = (units[-1] if units else end[1] if end else cell).strip().lower()
     known = UNITS[name]
     if word not in known:
         raise FileError(
@@ -168,8 +185,7 @@ def _numbers(
             value = _number(cell)
             if value is None:
                 title = rows[head][place]
-                why = "export a decimal point, nothing between thousands" if "," in cell else GAP
-                raise FileError(f"{path}:{number + 1}: {title}={cell!r} is no number: {why}")
+                raise FileError(f"{path}:{number + 1}: {title}={cell!r} is no number: {_remedy(cell, rows[number])}")
             row.append(value)
         values.append(row)
         lines.append(number + 1)
@@ -178,7 +194,21 @@ def _numbers(
     return np.array(values), lines
 
 
+def _remedy(cell: str, row: list[str]) -> str:
+    """Cause and remedy of a cell that is no number.
+
+    Args:
+        cell: its text.
+        row: all cells of its line.
+    """
+    is_word = any(sign.isalpha() for sign in cell) and cell.lower() != "nan"
+    if is_word or all(_number(other) is None for other in row):
+        return TEXT
+    return "export a decimal point, nothing between thousands" if "," in cell else GAP
+
+
 def _number(cell: str) -> float | None:
+    """Finite number in a cell; None for anything else."""
     try:
         value = float(cell)
     except ValueError:
@@ -187,7 +217,7 @@ def _number(cell: str) -> float | None:
 
 
 def _require_steady(path: Path, data: dict[str, np.ndarray], lines: list[int]) -> None:
-    """No gap and no way back, neither in time, where the file has it, nor in displacement."""
+    """Refuse gaps and backward steps of displacement and, where the file has it, of time."""
     for name in ("time_s", "displacement_mm"):
         if name not in data:
             continue
@@ -212,6 +242,7 @@ def _require_steady(path: Path, data: dict[str, np.ndarray], lines: list[int]) -
 
 
 def _require_tension(path: Path, data: dict[str, np.ndarray], lines: list[int]) -> None:
+    """Refuse a load that is negative, or never positive."""
     load = data["load_n"]
     low, high = float(load.min()), float(load.max())
     if -low > FLAT_SHARE * max(high, 0.0) and low < 0:

@@ -1,4 +1,4 @@
-"""`python -m fab.build_sheet D=130 T=8`: everything a person needs to print, buy, cast, assemble and test, on paper."""
+"""Command `python -m fab.build_sheet D=130 T=8`: the build sheet of one endcap, as HTML and PDF, and its BOM."""
 
 from __future__ import annotations
 
@@ -62,14 +62,16 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     return make_sheet(variant, Path(options["exports"]), options["printer"], interrupts.raise_swallowed)
 
 
-def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Callable[[], None] = lambda: None) -> int:
-    """Write the build sheet.
+def make_sheet(
+    variant: Variant, exports: Path, asked_printer: str = "", check_interrupt: Callable[[], None] = lambda: None
+) -> int:
+    """Write the build sheet of an export.
 
     Args:
         variant: what was exported.
         exports: folder that holds ``variant.label``.
         asked_printer: name in the printers' table; empty for that of the slices, or of the molds.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
@@ -77,7 +79,7 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
     Raises:
         ChecksFailedError: a screw does not clamp, a line is missing, or the pot life is too short.
         FileError: no export, or a file cannot be read or written.
-        ParameterError: it was sliced for another printer.
+        ParameterError: the export was sliced for another printer.
     """
     from fab.bom import bom_csv
     from fab.build_sheet.commands import make_command
@@ -91,8 +93,8 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
     sliced = read_slices(export)
     require_sliced_for(asked_printer, sliced, export.words)
     with (
-        Progress(ask) as progress,
-        whole_folder(export.folder / FOLDER, RECORD, ask) as folder,
+        Progress(check_interrupt) as progress,
+        whole_folder(export.folder / FOLDER, RECORD, check_interrupt) as folder,
         tempfile.TemporaryDirectory(prefix="sheet-") as scratch,
     ):
         data, own = _collect(export, sliced, Path(scratch), progress)
@@ -111,7 +113,7 @@ def make_sheet(variant: Variant, exports: Path, asked_printer: str = "", ask: Ca
 def _collect(
     export: Export, sliced: dict[str, Any] | None, folder: Path, progress: Progress
 ) -> tuple[SheetData, dict[str, Any]]:
-    """Measure, gate and draw; returns the sheet's data and its own record."""
+    """Measure, check and draw; return the data of the sheet and the content of its record."""
     from cad.mold_core import REMOVAL_ORDER
     from fab.bom import all_joints, bom_checks
     from fab.build_sheet.data import SheetData
@@ -154,16 +156,19 @@ def _collect(
 def _lines(
     export: Export, shop: Workshop, mix: Recipe, sliced: dict[str, Any] | None, steps: Sequence[Step]
 ) -> list[BomLine]:
-    """The bill of materials."""
+    """Lines of the bill of materials."""
     from fab.bom import bom_lines, printed_figures
+    from fab.build_sheet.plastic import estimated_plastic_g
     from fab.supplies import for_steps, plastic_g, with_spools
 
     plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
-    return for_steps(with_spools(bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced), plastics), steps)
+    grams = plastics if sliced else estimated_plastic_g(export.printed, shop.meshes)
+    lines = bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced)
+    return for_steps(with_spools(lines, grams, is_estimate=not sliced), steps)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:
-    """Pictures beside those of the steps, by their names in the sheet."""
+    """Files of the pictures that belong to no step, by their names in the sheet."""
     from fab.build_sheet.lighting import draw_ring_light
     from fab.build_sheet.pictures import thumbnails
 
@@ -174,7 +179,7 @@ def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Prog
 
 
 def _beds(export: Export, shop: Workshop) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Height of every printed part as it is printed, mm, and the printers that take them all."""
+    """Height (mm) of each printed part in its printing pose, and the printers whose beds take all parts."""
     import numpy as np
 
     from fab.slice.pose import standing
@@ -186,7 +191,11 @@ def _beds(export: Export, shop: Workshop) -> tuple[dict[str, float], tuple[str, 
 
 
 def open_workshop(export: Export) -> Workshop:
-    """Meshes of all parts: made ones from their checked STL files, bought ones from their envelopes."""
+    """Read the meshes of all parts: of made ones from their checked STL files, of bought ones from their envelopes.
+
+    Args:
+        export: folder of `make molds`.
+    """
     from cad.camera import camera_part
     from cad.led_ring import led_ring_part
     from fab.bom import fit_joints
@@ -206,7 +215,11 @@ def open_workshop(export: Export) -> Workshop:
 
 
 def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
-    """The parts' own colours, as in the assembly."""
+    """Colour (red, green, blue, 0 to 1) of each part, as in the assembly.
+
+    Args:
+        export: folder of `make molds`.
+    """
     from cad import arm_adapter, hanger, interface, mold_core, mold_cup, shell
 
     stems = {"cup_": mold_cup.COLOR, "core_": mold_core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}

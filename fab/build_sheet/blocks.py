@@ -1,6 +1,6 @@
-"""What a build sheet is made of: plain records that :mod:`fab.build_sheet.html` and :mod:`fab.build_sheet.pdf` print.
+"""Blocks of a build sheet: plain records that :mod:`fab.build_sheet.html` and :mod:`fab.build_sheet.pdf` render.
 
-Texts are plain words; each printer escapes them for itself. Lengths of drawings in mm of paper.
+Texts are unescaped; each renderer escapes them for its format. Lengths of drawings in mm of paper.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-# Words inside which a line may end: a command that ends there is typed with a space in it, so they are kept whole.
+# Words that must not be broken at a line end: a command broken there would be typed with a space in it.
 WORD = r"\S*[-/]\S*"
 
 

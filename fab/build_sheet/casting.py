@@ -1,4 +1,4 @@
-"""Silicone, casting and demolding: words and steps of the build sheet."""
+"""Chapters of silicone, casting and demolding in the build sheet."""
 
 from __future__ import annotations
 

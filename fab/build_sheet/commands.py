@@ -1,4 +1,4 @@
-"""Commands that the sheet prints: each with the numbers of this endcap, and with the interpreter that make set up.
+"""Commands printed in the sheet, with the parameters of this endcap and the interpreter of the project's environment.
 
 They are typed in the toolkit's folder, and name the camera module where it is not the released one.
 """
@@ -26,7 +26,7 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
     Args:
         target: of make.
         data: of the sheet.
-        printer: that is named; by default the sheet's own, where it is not the one that make takes by itself.
+        printer: name in the printers' table; by default that of the sheet, unless make uses it anyway.
     """
     chosen = printer or (data.molds_printer if target == "molds" else data.printer)
     named = printer_words(chosen)
@@ -43,12 +43,18 @@ def ring_command(data: SheetData) -> str:
 
 
 def coupons_line(data: SheetData) -> str:
-    """The command that makes the coupons, with the folder of exports where it is another."""
+    """The command that makes the coupons, with the folder of exports where it is not the default."""
     return coupons_command(data.layout.silicone) + data.exports_option
 
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:
-    """A program of the sensing side for this endcap."""
+    """Command line of a program of the sensing side for this endcap.
+
+    Args:
+        module: of the program.
+        params: the design.
+        words: further arguments.
+    """
     return camera_setting() + " ".join((INTERPRETER, "-m", module, *design_words(params), *words))
 
 
@@ -56,7 +62,8 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     """The command that makes weights for this endcap; empty for the released one, whose weights ship.
 
     Args:
-        params: the design; sensing does not ask for its gyroid. silicone: row of cad/materials.csv.
+        params: the design; sensing does not use its gyroid.
+        silicone: row of cad/materials.csv.
     """
     is_released = design_words(params) == design_words(RELEASED) and silicone == DEFAULT_SILICONE
     if is_released and not camera_setting():

@@ -1,4 +1,4 @@
-"""The words and tables of the build sheet. Every number comes from parameters, manifest, slices, recipe or screws."""
+"""Text and tables of the build sheet. Each number is read from parameters, manifest, slices, recipe or screws."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ GATE_LETTERS = 34  # of a gate's name that fit on its line of the appendix
 
 
 def build_document(data: SheetData) -> Document:
-    """The whole sheet."""
+    """The whole sheet.
+
+    Args:
+        data: of the sheet.
+    """
     params = data.layout.params
     blocks = [
         *_cover(data),
@@ -81,7 +85,7 @@ def short_limit(limit: str) -> str:
 
 
 def _gates(data: SheetData) -> list[Block]:
-    """All gates, two a row: an appendix, as no step at the bench needs them."""
+    """Table of all gates, two in a row, as an appendix: no step of the work needs them."""
     cells = [
         (_breakable(c["name"]), f"{c['value']:.4g}", short_limit(c["limit"]) if c["ok"] else f"{c['limit']} FAILED")
         for c in sorted(data.checks, key=lambda c: bool(c["ok"]))
@@ -97,5 +101,5 @@ def _gates(data: SheetData) -> list[Block]:
 
 
 def _breakable(name: str) -> str:
-    """A gate's name; one too long for its column may break behind the part's."""
+    """Name of a gate with a permitted line break after the name of the part, if it is too long for its column."""
     return name if len(name) <= GATE_LETTERS else name.replace(".", ".\u200b")

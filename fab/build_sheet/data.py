@@ -1,4 +1,4 @@
-"""What a build sheet prints, before words are made of it."""
+"""Data of a build sheet, from which its text, tables and pictures are made."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fab.steps.record import Step
 
 @dataclass(frozen=True)
 class SheetData:
-    """Everything that a sheet prints.
+    """Data of one build sheet.
 
     Attributes:
         layout: sizes.
@@ -33,7 +33,7 @@ class SheetData:
         pictures: step pictures by name, ``thumb_<part>`` of parts, ``cover``, ``section``, ``ring_light``.
         heights_mm: of every printed part in its printing pose.
         fitting_printers: those of the table that take every part, in words, smallest bed first.
-        asked_printer: name in the printers' table that the sheet was asked for; empty where it was not.
+        asked_printer: name in the printers' table that the user gave to the command; empty for none.
         exports_option: names the folder of exports in commands of make (:func:`fab.command.exports_words`).
     """
 
@@ -54,16 +54,16 @@ class SheetData:
 
     @property
     def robot(self) -> str:
-        """What the arm adapter fits."""
+        """Robot that the arm adapter fits, a row of cad/robot_sides.csv."""
         return str(self.manifest.get("robot", DEFAULT_ROBOT))
 
     @property
     def printer(self) -> str:
-        """What it is printed on: as sliced, else as the sheet or the molds were asked for."""
+        """Printer as sliced, otherwise as given to the command of the sheet or of the molds."""
         sliced = self.sliced["printer"]["name"] if self.sliced else ""
         return sliced or self.asked_printer or self.molds_printer
 
     @property
     def molds_printer(self) -> str:
-        """What `make molds` was asked for."""
+        """Printer given to `make molds`."""
         return str(self.manifest.get("printer", DEFAULT_PRINTER))

@@ -1,10 +1,10 @@
-"""Drawings of the dots: gores at true size for painting, and what the camera should see. SVG in millimetres or pixels.
+"""SVG drawings of the dots: gores at true size for painting (mm), and the expected picture of the camera (px).
 
 A gore is the strip of the inner surface between two meridians: along its middle, lengths from the tip are true; across,
 lengths on each parallel are true. Cut out, its dots punched out, and laid into the dome from the tip, print toward the
 viewer, it has a dent under every hole: so dents are found that are hard to see, and those without ink.
 
-Whoever looks into the dome looks along +z, as the camera does: azimuth counts clockwise there. With the tip up,
+The viewer looks into the dome along +z, as the camera does: azimuth increases clockwise there. With the tip up,
 decreasing azimuth is to the right.
 """
 
@@ -21,7 +21,7 @@ from fab.camera_view import FRAME_PX, SQUARE_PX, camera_pixels, disc_px, dot_out
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]  # centre, half the width, half the height
 MARGIN_MM = 4.0
-SPLIT = 6  # gores at the least
+SPLIT = 6  # least number of gores
 PAGE_WIDTH_MM = 180.0  # of the text on A4: two gores side by side, with a space between
 SPACE_MM = 2.0
 SCALE_LINE_MM = 50.0  # beside every gore: a printer may scale one page and not another
@@ -29,12 +29,18 @@ LABEL_MM = 2.6  # size of the letters
 LETTER_MM = 0.65 * LABEL_MM  # width of a figure
 CAPITAL_MM = 0.73 * LABEL_MM  # height of a figure
 LABEL_GAP_MM, LABEL_ROOM_MM = 0.6, 0.4  # to its dot, to the outline
-LABEL_TURNS = [math.radians(turn) for turn in (0, 180, 45, 135, -45, -135, 125, -125, 90, -90)]  # down is 90
+LABEL_TURNS = [
+    math.radians(turn) for turn in (0, 180, 45, 135, -45, -135, 125, -125, 90, -90)
+]  # SVG angles: 90 is down
 LARGEST_WIDTH_MM = (PAGE_WIDTH_MM - SPACE_MM) / 2 - 2 * MARGIN_MM
 
 
 def gores(params: EndcapParams) -> list[Drawing]:
-    """Gores that together have every dot once, in order of azimuth, as seen with the print toward the viewer."""
+    """Gores that together contain each dot once, in order of azimuth, seen with the print toward the viewer.
+
+    Args:
+        params: the design.
+    """
     radius = params.inner_radius_mm
     count = max(SPLIT, math.ceil(2 * math.pi * radius / LARGEST_WIDTH_MM))
     dots = dot_pattern(params)
@@ -52,17 +58,26 @@ def gores(params: EndcapParams) -> list[Drawing]:
 
 
 def gore_of(dot: Dot, count: int) -> int:
-    """The gore that has a dot: the nearest middle meridian; the dot at the tip is in the first."""
+    """Index of the gore with a dot: that with the nearest middle meridian; the dot at the tip is in the first.
+
+    Args:
+        dot: of the pattern.
+        count: number of gores.
+    """
     return round(dot.azimuth_deg * count / 360.0 + 1e-9) % count if dot.ring else 0
 
 
 def repeat_deg(params: EndcapParams) -> float:
-    """Turn after which the pattern looks alike: 360 over the greatest common divisor of its rings' counts."""
+    """Smallest rotation that maps the pattern onto itself: 360 degrees over the gcd of the dot counts of its rings."""
     return 360.0 / math.gcd(*params.dot_rings[1:])
 
 
 def first_light(params: EndcapParams) -> Drawing:
-    """What the camera should show: the shell's disc, the dots, the centre square."""
+    """Expected picture of the camera: the disc of the shell, the dots and the centre square.
+
+    Args:
+        params: the design.
+    """
     width, height = FRAME_PX
     scale = 110.0 / width
     shapes = [
@@ -84,7 +99,7 @@ def first_light(params: EndcapParams) -> Drawing:
 
 
 def ruler() -> Drawing:
-    """A hundred millimetres, to see whether the printer scales."""
+    """A scale of 100 mm, by which a printer that scales the page is found."""
     ticks = "".join(f'<path d="M{2 + x} 8v-{4 if x % 50 == 0 else 2.5 if x % 10 == 0 else 1.2}"/>' for x in range(101))
     svg = (
         '<svg xmlns="http://www.w3.org/2000/svg" width="104mm" height="10mm" viewBox="0 0 104 10">'
@@ -96,7 +111,7 @@ def ruler() -> Drawing:
 def _gore(
     params: EndcapParams, dots: Sequence[Dot], middle: float, count: int, end: float, width: float, height: float
 ) -> str:
-    """One gore, tip at the top, as seen from inside the dome: azimuth counts to the left."""
+    """One gore, tip at the top, as seen from inside the dome: azimuth increases to the left."""
     radius = params.inner_radius_mm
 
     def place(polar: float, azimuth_deg: float) -> tuple[float, float]:
@@ -111,7 +126,7 @@ def _gore(
     shapes = [f'<path d="{outline}" fill="none" stroke="#20242a" stroke-width="0.25"/>', _scale_line()]
     places = [place(math.radians(dot.polar_deg), dot.azimuth_deg) for dot in dots]
     dense = [place(end * k / 400, middle + side * half) for side in (-1, 1) for k in range(401)]
-    dense += [(x, height * k / 400) for x in (0.0, width) for k in range(401)]  # what goes over it is cut off
+    dense += [(x, height * k / 400) for x in (0.0, width) for k in range(401)]  # clipped to the drawing
     boxes: list[Box] = [(*point, params.dot_radius_mm, params.dot_radius_mm) for point in places]
     ring_by_ring = sorted(zip(dots, places, strict=True), key=lambda each: (each[0].ring, each[1]))  # left to right
     for dot, (x, y) in ring_by_ring:
@@ -130,16 +145,23 @@ def _gore(
 
 
 def label_half(letters: int) -> tuple[float, float]:
-    """Half the width and height of a label of so many figures."""
+    """Half the width and half the height (mm) of a label.
+
+    Args:
+        letters: number of its characters.
+    """
     return letters * LETTER_MM / 2, CAPITAL_MM / 2
 
 
 def label_place(dot: Point, boxes: Sequence[Box], radius_mm: float, letters: int, outline: Sequence[Point]) -> Point:
-    """Where a dot's label begins, on its base line: beside the dot, off lines, the other dots and the labels so far.
+    """Start of a label on its base line: beside its dot, clear of lines, of other dots and of labels placed before.
 
     Args:
-        dot: its centre. boxes: of all dots of the gore, and of the labels that have been placed. radius_mm: of a dot.
-        letters: of the label. outline: points of the gore's outline and of the drawing's sides.
+        dot: its centre, mm.
+        boxes: of all dots of the gore and of the labels placed before.
+        radius_mm: of a dot.
+        letters: number of characters of the label.
+        outline: points of the gore's outline and of the drawing's sides, mm.
     """
     half = label_half(letters)
     kept_off = [(*point, LABEL_ROOM_MM, LABEL_ROOM_MM) for point in outline]

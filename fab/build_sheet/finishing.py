@@ -1,4 +1,4 @@
-"""Painting, assembly and first light: words and steps of the build sheet."""
+"""Chapters of painting, assembly and first light in the build sheet."""
 
 from __future__ import annotations
 
@@ -19,11 +19,15 @@ from fab.build_sheet.dots import SCALE_LINE_MM, first_light, gores, repeat_deg, 
 from fab.build_sheet.steps import stage_blocks, steps
 from fab.camera_view import FRAME_PX, SQUARE_PX, camera_pixels, dots_in, edge_cuts_px, edge_px, seen_dots
 
-CENTRED_PX = 10.0  # E: so far from the frame's middle may the camera's be
+CENTRED_PX = 10.0  # E: largest offset of the camera's centre from that of the frame
 
 
 def painting(data: SheetData) -> list[Block]:
-    """Which dots to paint, and gores to cut out."""
+    """Chapter of painting: the dots, and gores to cut out.
+
+    Args:
+        data: of the sheet.
+    """
     params = data.layout.params
     dots = dot_pattern(params)
     pixels = camera_pixels(params)
@@ -62,7 +66,7 @@ def painting(data: SheetData) -> list[Block]:
 
 
 def _full_lines(params: EndcapParams) -> str:
-    """Which meridians have a dot of every ring: as many as the pattern has turns after which it looks alike.
+    """Text on the meridians with a dot of every ring: as many as rotations map the pattern onto itself.
 
     Azimuth 0 lies midway between two screw holes of the interface; only with a line that does so, too, the base's holes
     meet its nuts with the cables' slot under the mark.
@@ -78,7 +82,7 @@ def _full_lines(params: EndcapParams) -> str:
 
 
 def _gore_blocks(params: EndcapParams) -> list[Block]:
-    """Gores at true size, how to see that they are, and what to do with them."""
+    """Gores at true size, how to check their scale, and how to use them."""
     return [
         Heading("Gores, 1:1"),
         Paragraph(
@@ -99,7 +103,11 @@ def _gore_blocks(params: EndcapParams) -> list[Block]:
 
 
 def assembling(data: SheetData) -> list[Block]:
-    """Camera, ring, base; every screw as measured."""
+    """Chapter of the assembly of camera, ring and base, with each screw as measured.
+
+    Args:
+        data: of the sheet.
+    """
     return [
         Heading("Assemble", 1),
         *stage_blocks(data, "A", ("assemble",)),
@@ -121,7 +129,7 @@ def assembling(data: SheetData) -> list[Block]:
 
 
 def _robot_rows(robot: str) -> list[tuple[str, ...]]:
-    """The screws into the robot's flange: what of them holds is the depth by which they enter it."""
+    """Rows of the screws into the robot's flange, with the depth to which they enter it."""
     return [
         (
             "adapter_to_robot",
@@ -137,10 +145,14 @@ def _robot_rows(robot: str) -> list[tuple[str, ...]]:
 
 
 def light_check(data: SheetData) -> list[Block]:
-    """What the first frame should show."""
+    """Chapter of first light: what the first frame should show.
+
+    Args:
+        data: of the sheet.
+    """
     params = data.layout.params
     frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
-    # Photos of the released sensor count for its own size and camera only.
+    # Photos of the released sensor are valid for its own size and camera only.
     is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
     of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
     return [
@@ -177,7 +189,7 @@ def light_check(data: SheetData) -> list[Block]:
 
 
 def edge_words() -> str:
-    """Where the frame shows the edge of the picture; for most lenses its circle is wider than the frame."""
+    """Text on the edge of the picture in the frame; with most lenses its circle is wider than the frame."""
     radii, half_height = edge_px(), FRAME_PX[1] / 2
     uppers, sides = zip(*(edge_cuts_px(radius) for radius in radii), strict=True)
     if radii[-1] <= half_height:
@@ -192,14 +204,14 @@ def edge_words() -> str:
 
 
 def _span(lengths: Sequence[float | None]) -> str:
-    """Least and largest of those that are there: ``72 to 92``; ``about 73`` where they are one."""
+    """Range of the lengths that are not None, as text: ``72 to 92``, or ``about 73`` where they are equal."""
     known = sorted(length for length in lengths if length is not None)
     ends = dict.fromkeys(f"{length:.0f}" for length in (known[0], known[-1]))
     return " to ".join(ends) if len(ends) > 1 else f"about {known[0]:.0f}"
 
 
 def _line_words(params: EndcapParams) -> str:
-    """Where the dots at azimuth 0 lie, and those opposite to them, which rings of an even count have."""
+    """Text on the dots at azimuth 0 and on those opposite to them, which rings of an even count have."""
     even = [count % 2 == 0 for count in params.dot_rings[1:]]
     line = "one straight line from the middle to the right edge"
     if all(even):
@@ -208,17 +220,17 @@ def _line_words(params: EndcapParams) -> str:
 
 
 def _turn_words(params: EndcapParams) -> str:
-    """What finds the turn of a camera that is not mounted upright."""
+    """Text on how the rotation of a camera that is not mounted upright is found."""
     repeat = repeat_deg(params)
     limit = "" if repeat >= 360.0 else f", if it is less than {repeat / 2:.3g}°"
     return f"leave the camera: sensing.calibrate and sensing.setup find its turn from the dots{limit}"
 
 
 def _finger_words(params: EndcapParams) -> tuple[str, str]:
-    """What a touch shows, and what it means if not: half a turn and a mirrored picture leave the dots as they look.
+    """Text on the test by touch: a picture turned by half a turn, or mirrored, shows the dots in the same places.
 
-    The board fits its four posts in four turns. Of those after which the dots look alike no program can know, nor of a
-    mirrored picture; the forces then come out turned, or with signs reversed.
+    The board fits its four posts in four orientations. No program can detect those that map the dots onto themselves,
+    nor a mirrored picture; the forces are then rotated, or have reversed signs.
     """
     repeat = repeat_deg(params)
     near = f" or less than {repeat / 2:.3g}° from it" if repeat < 180.0 else ""
@@ -234,7 +246,7 @@ def _finger_words(params: EndcapParams) -> tuple[str, str]:
 
 
 def _first_run(data: SheetData) -> list[Block]:
-    """Calibration, weights where none ship for this endcap, setup and live: in the order in which each is needed."""
+    """Steps of the first run in their order: calibration, weights where none ship for this endcap, setup and live."""
     params, material = data.layout.params, data.recipe.silicone.name
     train = train_command(params, material)
     weights = (

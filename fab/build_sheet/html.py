@@ -1,4 +1,4 @@
-"""A build sheet as one HTML file: pictures inside, no script, prints on A4 at true size."""
+"""Renderer of a build sheet as one HTML file with embedded pictures and without scripts, printed on A4 at true size."""
 
 from __future__ import annotations
 
@@ -36,7 +36,12 @@ section.step ul { margin: 0; padding-left: 5mm; }
 
 
 def write_html(document: Document, path: Path) -> None:
-    """Write the document; it needs no other file."""
+    """Write the document, pictures included.
+
+    Args:
+        document: the sheet.
+        path: of the HTML file.
+    """
     body = "\n".join(_block(block) for block in document.blocks)
     path.write_text(
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(document.title)}</title>\n'
@@ -48,8 +53,8 @@ def write_html(document: Document, path: Path) -> None:
 
 
 def _words(text: str) -> str:
-    """Escaped; a line ends inside a word only where the word alone is longer than the line."""
-    parts = re.split(f"({WORD})", text)  # words that are kept have odd places
+    """Escaped text, in which a word is broken only if it is longer than a line."""
+    parts = re.split(f"({WORD})", text)  # words that are kept whole have odd indices
     return "".join(
         f'<span class="word">{escape(part)}</span>' if number % 2 else escape(part) for number, part in enumerate(parts)
     )

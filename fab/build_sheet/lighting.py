@@ -1,4 +1,4 @@
-"""The LED ring in the build sheet: what to order, what it draws, how evenly it lights this dome."""
+"""Chapter of the LED ring in the build sheet: parts to order, current, and evenness of the light on this dome."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from fab.led_ring.light import dome_light, light_checks, require_even
 
 
 def ring_checks(params: EndcapParams) -> list[Check]:
-    """Driver and light of the usual ring on this dome.
+    """Checks of the driver and of the light of the usual ring on this dome.
 
     Raises:
-        ParameterError: the camera at hand sees where the ring's light is too uneven.
+        ParameterError: the camera module sees places where the light of the ring is too uneven.
     """
     light = dome_light(params)
     require_even(light, params, LED_COUNT)
@@ -29,7 +29,12 @@ def ring_checks(params: EndcapParams) -> list[Check]:
 
 
 def draw_ring_light(params: EndcapParams, folder: Path) -> Path:
-    """The picture of the light on this dome."""
+    """Draw the picture of the light on this dome.
+
+    Args:
+        params: the design.
+        folder: receives the picture.
+    """
     from fab.led_ring.picture import draw_light
 
     path = folder / "ring_light.png"
@@ -38,7 +43,7 @@ def draw_ring_light(params: EndcapParams, folder: Path) -> Path:
 
 
 def _parts() -> tuple[tuple[str, ...], ...]:
-    """Electronic parts of the usual ring, the bare board left out."""
+    """Electronic parts of the usual ring without the bare board."""
     return tuple(
         (f"{line.quantity} x {line.references}", line.description, f"{line.maker} {line.part_number}", line.package)
         for line in ring_bom()
@@ -47,7 +52,7 @@ def _parts() -> tuple[tuple[str, ...], ...]:
 
 
 def steps_of_wiring() -> list[Block]:
-    """Where 5 V and GND go."""
+    """Steps of the wiring of 5 V and GND."""
     driver = fitted_driver()
     draws = 1e3 * (driver.input_a + CAMERA_A)
     return [
@@ -81,7 +86,11 @@ def steps_of_wiring() -> list[Block]:
 
 
 def led_ring(data: SheetData) -> list[Block]:
-    """What a person needs to know of the ring before ordering it."""
+    """Chapter of the LED ring: what to order and what to check before.
+
+    Args:
+        data: of the sheet.
+    """
     params = data.layout.params
     driver = fitted_driver()
     rows = []

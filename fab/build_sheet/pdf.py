@@ -1,4 +1,4 @@
-"""A build sheet as PDF, through Typst: A4, page numbers, drawings at true size."""
+"""Renderer of a build sheet as PDF through Typst: A4, page numbers, drawings at true size."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ _HEAD = """\
 def write_pdf(document: Document, path: Path) -> None:
     """Write the document.
 
+    Args:
+        document: the sheet.
+        path: of the PDF file.
+
     Raises:
         FileError: Typst is missing or refuses the document.
     """
@@ -50,14 +54,18 @@ def write_pdf(document: Document, path: Path) -> None:
 
 
 class _Printer:
-    """Blocks as Typst source; pictures are copied beside it."""
+    """Renderer of blocks as Typst source; pictures are copied beside the source."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self.count = 0
 
     def block(self, block: Block) -> str:
-        """One block."""
+        """Typst source of one block.
+
+        Args:
+            block: of the sheet.
+        """
         if isinstance(block, Heading):
             return f"#heading(level: {block.level}, {_text(block.text)})"
         if isinstance(block, Paragraph):
@@ -78,7 +86,11 @@ class _Printer:
         raise TypeError(f"no way to print {type(block).__name__}")
 
     def table(self, table: Table) -> str:
-        """A table that repeats its header on every page."""
+        """Typst source of a table that repeats its header on each page.
+
+        Args:
+            table: of the sheet.
+        """
         columns = ", ".join(f"{width:g}fr" for width in table.widths)
         size = "6.8pt" if table.is_small else "8pt"
         titles = ", ".join(f"strong({_text(cell)})" for cell in table.header)
@@ -95,7 +107,11 @@ class _Printer:
         )
 
     def step(self, step: Step) -> str:
-        """Words at the left, picture at the right if there is one, on one page."""
+        """Typst source of a step on one page: text at the left, picture, if there is one, at the right.
+
+        Args:
+            step: of the sheet.
+        """
         lines = ", ".join(f"[#{_text(line)}]" for line in step.lines)
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
         body = words
@@ -107,24 +123,33 @@ class _Printer:
         )
 
     def image(self, path: Path, size: str) -> str:
-        """A picture's call."""
+        """Typst call that places a picture.
+
+        Args:
+            path: of the picture.
+            size: Typst arguments of its size.
+        """
         name = self.name(path.suffix[1:])
         shutil.copyfile(path, self.root / name)
         return f'image("{name}", {size})'
 
     def name(self, suffix: str) -> str:
-        """A fresh file name."""
+        """An unused file name.
+
+        Args:
+            suffix: of the name, with its dot.
+        """
         self.count += 1
         return f"f{self.count}.{suffix}"
 
 
 def _text(words: str) -> str:
-    """A Typst string: JSON's escapes are Typst's for all we print."""
+    """Text as a Typst string; the escapes of JSON are valid in Typst for every character that occurs."""
     return json.dumps(words, ensure_ascii=False)
 
 
 def _fonts() -> str:
-    """Folder of the DejaVu fonts that come with matplotlib: the same letters on every machine."""
+    """Folder of the DejaVu fonts that ship with matplotlib, so that every computer renders the same letters."""
     import matplotlib
 
     return str(Path(matplotlib.get_data_path()) / "fonts" / "ttf")

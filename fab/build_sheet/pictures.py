@@ -1,6 +1,6 @@
-"""The pictures of the build sheet: the real parts in the state of each step, seen from where the step shows.
+"""Pictures of the build sheet: the meshes of the parts in the state of each step, from the step's viewpoint.
 
-Endcap frame, millimetres. What stands dome-down in the workshop is drawn dome-down: -z is up in those pictures.
+Endcap frame, millimetres. Where the work is done dome-down, the picture shows it dome-down, with -z up.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LOOKS = {
     "dome down, from the side": DOME_DOWN_LOW,
     "into the dome": INTO_DOME,
 }
-SCREW_BACK_MM = 22.0  # screws are drawn this far before their place
+SCREW_BACK_MM = 22.0  # distance of withdrawn screws from their place
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Thing:
 
 @dataclass(frozen=True)
 class Workshop:
-    """Everything that can be drawn.
+    """Parts and screws that can be drawn.
 
     Attributes:
         layout: sizes.
@@ -73,14 +73,15 @@ class Workshop:
     fits: Sequence[ScrewFit]
 
     def part(self, name: str, *shift: float) -> Thing:
-        """A part, displaced."""
+        """A part by its name, displaced by ``shift`` (x, y, z), mm."""
         return Thing(self.meshes[name], self.colors[name], (shift[0], shift[1], shift[2]) if shift else (0.0, 0.0, 0.0))
 
     def screws(self, prefix: str, back_mm: float = 0.0, lift: float = 0.0) -> list[Thing]:
         """The screws of some joints, drawn back along their axes.
 
         Args:
-            prefix: beginning of the joints' names. back_mm: how far the screws are drawn back.
+            prefix: beginning of the joints' names.
+            back_mm: distance by which the screws are withdrawn, mm.
             lift: shift of joint and screw along z, mm.
         """
         things = []
@@ -99,7 +100,12 @@ class Workshop:
 
 
 def screw_mesh(fit: ScrewFit, seat_mm: float) -> trimesh.Trimesh:
-    """All screws of a joint: shank and head, no thread."""
+    """Mesh of all screws of a joint: shank and head, no thread.
+
+    Args:
+        fit: joint with its screw.
+        seat_mm: height of the seat of the head, mm.
+    """
     joint = fit.joint
     radius, head = bought_mm(joint.thread, "thread") / 2, bought_mm(joint.thread, "head") / 2
     sign = 1.0 if joint.up else -1.0
@@ -113,7 +119,7 @@ def screw_mesh(fit: ScrewFit, seat_mm: float) -> trimesh.Trimesh:
 
 
 def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
-    """The ten square nuts, so far before their seats."""
+    """Mesh of the ten square nuts, ``inward_mm`` from their seats toward the axis."""
     side, thick = bought_mm("nut_m3", "across_flats"), bought_mm("nut_m3", "thickness")
     params, nuts = layout.params, []
     for azimuth in params.screw_azimuths_deg:
@@ -127,7 +133,7 @@ def nuts_mesh(layout: MoldLayout, inward_mm: float) -> trimesh.Trimesh:
 
 
 def inserts_mesh(layout: MoldLayout, below_mm: float) -> trimesh.Trimesh:
-    """The five heat-set inserts, so far below their seats."""
+    """Mesh of the five heat-set inserts, ``below_mm`` below their seats."""
     length, inserts = bought_mm("insert_m4", "length"), []
     for x, y in arm_places_mm(layout.params):
         insert = trimesh.creation.annulus(bought_mm("screw_m4", "thread") / 2, ARM_INSERT_RADIUS_MM, length)
@@ -137,7 +143,7 @@ def inserts_mesh(layout: MoldLayout, below_mm: float) -> trimesh.Trimesh:
 
 
 def fill_depth_mm(layout: MoldLayout, volume_mm3: float) -> float:
-    """How far below the bowl's seam the poured silicone stands: solves pi h^2 (3 R - h) / 3 = volume for h."""
+    """Depth of the poured silicone's surface below the bowl's seam: solves pi h^2 (3 R - h) / 3 = volume for h, mm."""
     radius = layout.params.outer_radius_mm
     low, high = 0.0, 2 * radius
     for _ in range(60):
@@ -147,7 +153,7 @@ def fill_depth_mm(layout: MoldLayout, volume_mm3: float) -> float:
 
 
 def poured_mesh(layout: MoldLayout, depth_mm: float) -> trimesh.Trimesh:
-    """The silicone in the open bowl."""
+    """Mesh of the silicone in the open bowl, its surface ``depth_mm`` below the seam."""
     params = layout.params
     ball = trimesh.creation.icosphere(subdivisions=5, radius=params.outer_radius_mm - 0.05)
     ball.apply_translation((0.0, 0.0, params.centre_height_mm))
@@ -155,7 +161,7 @@ def poured_mesh(layout: MoldLayout, depth_mm: float) -> trimesh.Trimesh:
 
 
 def dots_mesh(layout: MoldLayout) -> trimesh.Trimesh:
-    """The painted dots, as flat discs on the inner surface."""
+    """Mesh of the painted dots, as flat discs on the inner surface."""
     discs = []
     for dot in dot_pattern(layout.params):
         disc = trimesh.creation.cylinder(layout.params.dot_radius_mm, 1.6, sections=24)
@@ -167,11 +173,14 @@ def dots_mesh(layout: MoldLayout) -> trimesh.Trimesh:
 
 
 def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX, height: int = HEIGHT_PX) -> Path:
-    """Draw things as they are.
+    """Draw things and write the picture.
 
     Args:
-        things: what is drawn; they fill the picture. view: from where it is seen. path: of the file.
-        width, height: of the picture, px.
+        things: what is drawn; they fill the picture.
+        view: direction of view.
+        path: of the file.
+        width: of the picture, px.
+        height: of the picture, px.
     """
     places = [thing.mesh.vertices + np.array(thing.shift) for thing in things]
     flat = [view.project(points) for points in places]
@@ -187,7 +196,7 @@ def draw(things: Sequence[Thing], view: View, path: Path, width: int = WIDTH_PX,
 
 
 def halved(things: Sequence[Thing]) -> list[Thing]:
-    """The halves y > 0 of things, so that one sees inside."""
+    """The halves y > 0 of things, which show their inside."""
     halves = []
     for thing in things:
         half = to_manifold(thing.mesh).trim_by_plane((0.0, 1.0, 0.0), 0.0)
@@ -199,12 +208,12 @@ def halved(things: Sequence[Thing]) -> list[Thing]:
 def step_pictures(
     shop: Workshop, steps: Sequence[Step], depth_mm: float, folder: Path, progress: Callable[[str], None]
 ) -> dict[str, Path]:
-    """Every step's picture, key -> file, from the same records as its sweep and its words.
+    """Draw the picture of each step, key -> file, from the same records as its sweep and its text.
 
     Args:
         shop: what can be drawn.
         steps: of the whole work.
-        depth_mm: how far below the seam the poured silicone stands.
+        depth_mm: depth of the poured silicone's surface below the seam, mm.
         folder: receives ``<key>.jpg``.
         progress: called with the name of each picture as it begins.
     """
@@ -221,11 +230,12 @@ def step_pictures(
 
 
 def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
-    """What a step's picture shows: parts in place, parts on their way, screws drawn back, and extras.
+    """Things in the picture of a step: parts in place, parts on their way, withdrawn screws, and extras.
 
     Args:
-        shop: what can be drawn. step: of the work.
-        depth_mm: how far below the seam the poured silicone stands.
+        shop: what can be drawn.
+        step: of the work.
+        depth_mm: depth of the poured silicone's surface below the seam, mm.
     """
     things = [*_drawn(shop, step, step.in_place, np.zeros(3))]
     shifts = [np.zeros(3)]
@@ -251,7 +261,12 @@ def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
 
 
 def place_on_way(legs: Sequence[Leg], travel_mm: float) -> np.ndarray:
-    """Displacement (3,) after some travel along a way; with several legs, at least to the start of the last."""
+    """Displacement (3,) after some travel along a way, mm; with several legs, at least to the start of the last.
+
+    Args:
+        legs: of the way.
+        travel_mm: length travelled, mm.
+    """
     corner = np.zeros(3)
     for leg in legs[:-1]:
         corner = corner + leg.length_mm * np.array(leg.direction)
@@ -259,7 +274,7 @@ def place_on_way(legs: Sequence[Leg], travel_mm: float) -> np.ndarray:
 
 
 def _drawn(shop: Workshop, step: Step, names: Sequence[str], shift: np.ndarray) -> list[Thing]:
-    """Parts as the step's picture has them: whole, or cut in half."""
+    """Parts as drawn in the picture of a step: whole, or cut in half."""
     things = [shop.part(name, *shift.tolist()) for name in names]
     return [
         thing
@@ -269,5 +284,5 @@ def _drawn(shop: Workshop, step: Step, names: Sequence[str], shift: np.ndarray) 
 
 
 def thumbnails(shop: Workshop, folder: Path) -> dict[str, Path]:
-    """A small picture of every part."""
+    """Draw a small picture of each part; name of the part -> file."""
     return {name: draw([shop.part(name)], UP, folder / f"thumb_{name}.jpg", THUMB_PX, THUMB_PX) for name in shop.meshes}

@@ -1,4 +1,4 @@
-"""Printing in the build sheet: the bed needed, how to open the projects, what lies on each plate, how it is filled."""
+"""Chapter of printing in the build sheet: bed size, opening the projects, parts of each plate and their infill."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ BED_GATE = ".bed_mm"  # of the export's gates: the smallest square bed of a part
 
 
 def bed_needed(data: SheetData) -> str:
-    """The part that needs the largest bed, by the square of its gate ``<part>.bed_mm``, and which printers take all."""
+    """Text on the part that needs the largest bed (gate ``<part>.bed_mm``) and on the printers that take all parts.
+
+    Args:
+        data: of the sheet.
+    """
     squares = {
         str(check["name"]).removesuffix(BED_GATE): float(check["value"])
         for check in data.checks
@@ -35,7 +39,11 @@ def bed_needed(data: SheetData) -> str:
 
 
 def prints(data: SheetData) -> list[Block]:
-    """Plates and parts."""
+    """Chapter of printing: plates and parts.
+
+    Args:
+        data: of the sheet.
+    """
     title = Heading("Print", 1)
     if data.sliced is None:
         first, second = (make_command(target, data) for target in ("slice", "sheet"))
@@ -62,7 +70,7 @@ def _made_for(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
 
 
 def _coupon_words(data: SheetData) -> str:
-    """What the fit coupon decides, and which of its joints hold this silicone: many leak through the widest."""
+    """Text on the fit coupon, and on which of its joints hold this silicone: many leak through the widest."""
     layout = data.layout
     low, high = joint_clearance_range_mm(layout.params, layout.silicone)
     is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
@@ -98,7 +106,7 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
 
 
 def _one_by_one(data: SheetData, projects: Sequence[Mapping[str, Any]]) -> str:
-    """How to print each part alone; empty where no plate has several."""
+    """Text on how to print each part alone; empty where no plate has several parts."""
     if all(len(project["pieces"]) <= 1 for project in projects):
         return ""
     return (
@@ -129,7 +137,13 @@ def _filled(data: SheetData, projects: list[Mapping[str, Any]]) -> list[Block]:
 
 
 def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
-    """Printing time, grams and US dollars of the mold; ``None`` before it was sliced. Plates count by their plastic."""
+    """Printing time, grams and US dollars of the mold; ``None`` before it was sliced.
+
+    A plate's time is divided among its parts in proportion to their plastic.
+
+    Args:
+        data: of the sheet.
+    """
     if data.sliced is None:
         return None
     time_s = grams = cost = 0.0
@@ -142,7 +156,7 @@ def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
 
 
 def _preset(printer: Mapping[str, Any]) -> str:
-    """Which slicer's files name a preset of this printer, and that the printer's own start is the better one."""
+    """Text on the presets of this printer that the files name, and on its own start G-code, which is preferable."""
     slicers = {"prusa": "PrusaSlicer", "orca": "OrcaSlicer or Bambu Studio"}
     named = [f"the .{key}.3mf files name the preset {name}" for key in slicers if (name := printer[f"{key}_printer"])]
     if not named:
@@ -165,7 +179,7 @@ def _plate_row(project: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _fill_rows(projects: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """One row for parts that are filled alike."""
+    """Rows of the infill, one for all parts with the same settings."""
     alike: dict[tuple[str, str], list[str]] = {}
     for project in projects:
         for piece in project["pieces"]:

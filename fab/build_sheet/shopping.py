@@ -1,4 +1,4 @@
-"""What to buy and to have at hand, what keeps silicone from curing, and what the provenance letters mean."""
+"""Chapters of what to buy and have ready, of cure inhibition, and of the provenance letters, in the build sheet."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ LEGEND = (
 
 
 def safety(data: SheetData) -> list[Block]:
-    """What stops the cure, and what ruins the mold; before anything is opened."""
+    """Chapter of what inhibits the cure and what damages the mold, to be read before any container is opened.
+
+    Args:
+        data: of the sheet.
+    """
     name = data.recipe.silicone.name
     return [
         Heading("Before you open the silicone", 2),
@@ -46,7 +50,11 @@ def safety(data: SheetData) -> list[Block]:
 
 
 def bill(data: SheetData) -> list[Block]:
-    """Everything to make, to buy and to have, in that order."""
+    """Chapter of the bill of materials: parts to make, things to buy, tools to have.
+
+    Args:
+        data: of the sheet.
+    """
     made = [line for line in data.lines if line.kind == "made"]
     parts = [line for line in data.lines if line.kind == "part"]
     casting = [line for line in data.lines if line.kind in ("silicone", "consumable")]
@@ -79,7 +87,7 @@ def bill(data: SheetData) -> list[Block]:
 
 
 def _alike(data: SheetData, made: Sequence[BomLine]) -> tuple[tuple[str | Path, ...], ...]:
-    """Made parts, those of one kind (cup_bowl_1, _2, _3) in one row."""
+    """Rows of the made parts; those of one kind (cup_bowl_1, _2, _3) share a row."""
     kinds: dict[str, list[BomLine]] = {}
     for line in made:
         kinds.setdefault(re.sub(r"_\d$", "", line.owner), []).append(line)

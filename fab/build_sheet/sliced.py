@@ -1,4 +1,4 @@
-"""What `make slice` wrote, as the sheet reads it."""
+"""Reader of slice.json, which `make slice` writes, for the build sheet."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cad.lens import camera_setting
 from fab.slice.projects import Export
 from fab.variant import printer_option
 
-EVERY = "*"  # stands for all keys of a table whose entries have one form
+EVERY = "*"  # key of the form that all entries of a table share
 SETTINGS = {"density_percent": float, "pattern": str}
 PIECE = {
     "name": str, "grams": float, "cost_usd": float, "own_settings": {EVERY: SETTINGS},
@@ -28,10 +28,13 @@ FORM = {"digest": str, "slicer": str, "printer": PRINTER, "projects": [PROJECT],
 
 
 def read_slices(export: Export) -> dict[str, Any] | None:
-    """What ``make slice`` wrote for this export; ``None`` where it has not run since ``make molds`` did.
+    """Read ``slice.json`` of this export; ``None`` where ``make slice`` has not run since ``make molds``.
+
+    Args:
+        export: folder of `make molds`.
 
     Raises:
-        FileError: it is there but cannot be read, or belongs to another design.
+        FileError: the file cannot be read, or belongs to another design.
     """
     path = export.folder / "slice" / "slice.json"
     if not path.exists():
@@ -49,15 +52,15 @@ def read_slices(export: Export) -> dict[str, Any] | None:
 
 
 def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, words: str) -> None:
-    """Refuse slices of another printer than the sheet was asked for.
+    """Refuse slices of another printer than the one given to the command of the sheet.
 
     Args:
-        asked_printer: name in the printers' table; empty where none was asked for.
+        asked_printer: name in the printers' table; empty where none was given.
         sliced: ``slice.json``; None where it has not been sliced.
         words: options that name the export.
 
     Raises:
-        ParameterError: names both, and the command that slices for the one that was asked for.
+        ParameterError: the printers differ; the message has the command that slices for the given one.
     """
     found = sliced["printer"]["name"] if sliced else ""
     if asked_printer and found and found != asked_printer:
@@ -70,7 +73,7 @@ def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, wor
 
 
 def _misfit(value: Any, form: Any, place: str = "") -> str:
-    """The first place where a value has not the form; empty where it has.
+    """Path of the first entry that does not have the form; empty where all have.
 
     A form is a type (``float``: any number), a dictionary of forms by key, a list whose entries all have one form, or
     a tuple of a form and None: either of them.

@@ -19,7 +19,9 @@ def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Bl
     """Steps <letter>1, 2, ... of some stages of the work, in order.
 
     Args:
-        data: of the sheet. letter: before the numbers. stages: names of the stages.
+        data: of the sheet.
+        letter: before the numbers.
+        stages: names of the stages.
     """
     chosen = [step for step in data.steps if step.stage in stages]
     return [
@@ -29,7 +31,12 @@ def stage_blocks(data: SheetData, letter: str, stages: Sequence[str]) -> list[Bl
 
 
 def screws(data: SheetData, prefix: str) -> str:
-    """Number and name of the screws of the joints whose name begins so."""
+    """Number and name of the screws of some joints, as text.
+
+    Args:
+        data: of the sheet.
+        prefix: beginning of the joints' names.
+    """
     fits = [fit for fit in data.fits if fit.joint.name.startswith(prefix)]
     washers = (
         ", each with a washer under its head"
@@ -68,14 +75,14 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
 
 
 def _degassing(recipe: Recipe) -> str:
-    """Whether there is time to degas before the pot life ends."""
+    """Text on degassing, or on why the pot life leaves no time for it."""
     if recipe.is_degassed:
         return "degas until the foam has risen and fallen"
     return f"do not degas: {recipe.silicone.pot_life_min:g} min of pot life leave no time for it"
 
 
 def _fixing(robot: str) -> str:
-    """How the adapter is held on the robot."""
+    """Text on how the adapter is fastened to the robot."""
     if not robot_side(robot):
         return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
     ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
@@ -91,7 +98,8 @@ def steps(data: SheetData, letter: str, records: Sequence[tuple[str, tuple[str, 
     """Steps <letter>1, 2, ... of work without parts.
 
     Args:
-        data: of the sheet. letter: before the numbers.
+        data: of the sheet.
+        letter: before the numbers.
         records: (title, lines, name of the picture or None) of each step.
     """
     return [

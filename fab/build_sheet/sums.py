@@ -1,4 +1,4 @@
-"""What one endcap costs: what is paid for, bought whole, and what of that the endcap and its mold take."""
+"""Cost of one endcap: the sum paid for whole packs, and the share of it that endcap and mold use."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from fab.build_sheet.data import SheetData
 
 
 def cost_facts(data: SheetData) -> list[tuple[str, str]]:
-    """Two lines of the cover: the sum that is paid, and the value used; each says what it leaves out."""
+    """Two lines of the cover: the sum that is paid and the value used, each with what it leaves out.
+
+    Args:
+        data: of the sheet.
+    """
     is_sliced = all(line.price_usd is not None for line in data.lines if line.kind == "made")
     unpriced = [line.item for line in data.lines if line.kind not in ("made", "tool") and line.paid_usd is None]
     without = f"; without {', '.join(unpriced)}: no price is known" if unpriced else ""
     paid = sum(line.paid_usd or 0.0 for line in data.lines)
     used = sum(line.price_usd or 0.0 for line in data.lines)
-    spools = "" if is_sliced else "; one spool of each plastic until the prints are sliced"
+    spools = "" if is_sliced else "; spools by an estimate of the plastic until the prints are sliced"
     prints = "plastic by the gram, " if is_sliced else ""
     later = "" if is_sliced else f"; WITHOUT the prints, whose grams {make_command('slice', data)} measures"
     return [

@@ -1,4 +1,4 @@
-"""`python -m fab.coupons` (make coupons): fit and bond coupons, meshed, checked and written like the molds. mm."""
+"""Command `python -m fab.coupons` (make coupons): fit and bond coupons, meshed, checked and written like molds (mm)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ COMMAND = Command(
 
 @dataclass(frozen=True)
 class CouponLine:
-    """One line of the BOM: what a print or a pour of the coupons needs for one specimen each.
+    """One line of the BOM: material of one print or one pour.
 
     Attributes:
         item: part, or the tray that is filled.
@@ -73,17 +73,22 @@ class CouponLine:
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     return COMMAND.run(
-        argv, lambda options, heard: make_coupons(Path(options["exports"]), options["material"], heard.raise_swallowed)
+        argv,
+        lambda options, interrupts: make_coupons(
+            Path(options["exports"]), options["material"], interrupts.raise_swallowed
+        ),
     )
 
 
-def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[[], None] = lambda: None) -> int:
+def make_coupons(
+    exports: Path, material: str = DEFAULT_SILICONE, check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Build, check and write every coupon.
 
     Args:
         exports: folder that receives ``coupons``.
         material: silicone of the bond specimens, a row of materials.csv, in upper or lower case.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
@@ -100,7 +105,7 @@ def make_coupons(exports: Path, material: str = DEFAULT_SILICONE, ask: Callable[
     material = chosen("material", material, silicones(), "cad/materials.csv")
     density = silicone(material).density_g_cm3
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
-    with whole_folder(exports / label, RECORD, ask) as folder:
+    with whole_folder(exports / label, RECORD, check_interrupt) as folder:
         parts = {part.name: part for part in coupon_parts()}
         meshes, walls = coupon_meshes(parts)
         write_parts(parts, meshes, folder)
@@ -124,7 +129,9 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
     """Write STL, STEP and 3MF of every part.
 
     Args:
-        parts, meshes: by name. folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
+        parts: by name.
+        meshes: by name, mm.
+        folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
     """
     from fab.exports.writer import write_3mf, write_shape
     from fab.meshing.mesh import write_stl
@@ -136,7 +143,11 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
 
 
 def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[str, float]]:
-    """Every check of the written folder, and the volumes (mm3) of its meshes.
+    """Check the written folder; return the checks and the volumes (mm3) of its meshes.
+
+    Args:
+        parts: by name.
+        folder: with their files.
 
     Raises:
         ChecksFailedError: a check failed.
@@ -153,11 +164,13 @@ def checked(parts: Mapping[str, Part], folder: Path) -> tuple[list[Check], dict[
 def coupon_bom(
     materials: Mapping[str, str], volumes_mm3: Mapping[str, float], silicone_name: str, density_g_cm3: float
 ) -> list[CouponLine]:
-    """Prints by volume, pours by volume and mass, one of each.
+    """Lines of the prints with their volumes, and of the pours with volume and mass, one of each.
 
     Args:
-        materials: of each printed part, by its name. volumes_mm3: of the same parts.
-        silicone_name: of what is poured. density_g_cm3: of the silicone.
+        materials: of each printed part, by its name.
+        volumes_mm3: of the same parts.
+        silicone_name: of the silicone that is poured.
+        density_g_cm3: of the silicone.
     """
     lines = [CouponLine(name, material, volumes_mm3[name], None) for name, material in materials.items()]
     for tray in TRAYS:

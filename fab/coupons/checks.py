@@ -1,4 +1,4 @@
-"""Checks of the coupons, on the meshes read back from their files and on the solids. Millimetres."""
+"""Checks of the coupons on their solids and on the meshes read from their files. Millimetres."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ OPEN_SHARE = 0.35  # TPU on an open side of the gyroid; the sheet cut straight c
 
 
 def coupon_checks(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]) -> list[Check]:
-    """Mesh, bed and wall of every part; density and open sides of the gyroids; width of the nut pockets."""
+    """Check mesh, bed and wall of each part, density and open sides of the gyroids, and width of the nut pockets.
+
+    Args:
+        parts: by name.
+        meshes: by name, as read from their files, mm.
+    """
     checks = pocket_checks(meshes["fit_nuts"]) if "fit_nuts" in meshes else []
     zones = zones_mm()
     for name, part in parts.items():
@@ -40,10 +45,10 @@ def coupon_checks(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimes
 
 
 def pocket_checks(mesh: trimesh.Trimesh) -> list[Check]:
-    """Play of the nut in every pocket of the bar, from wall to wall of the mesh, against the width that it stands for.
+    """Compare the play of the nut in each pocket of the bar, from wall to wall of the mesh, with the nominal play.
 
     Args:
-        mesh: of ``fit_nuts``, as read back from its file.
+        mesh: of ``fit_nuts``, as read from its file, mm.
     """
     body, nut = to_manifold(mesh), bought_mm("nut_m3", "across_flats")
     pitch, middle = float(mesh.extents[0]) / len(NUT_WIDTHS_MM), POCKET_FLOOR_MM + POCKET_HEIGHT_MM / 2
@@ -61,7 +66,9 @@ def closed_share(mesh: trimesh.Trimesh, low: tuple[float, float, float], high: t
     """Largest share of an open side of a zone (all but its foot) that TPU covers, from the faces that lie in it.
 
     Args:
-        mesh: of the coupon. low, high: opposite corners (x, y, z) of the zone, mm.
+        mesh: of the coupon, mm.
+        low: corner (x, y, z) of the zone with the least coordinates, mm.
+        high: opposite corner, mm.
     """
     worst = 0.0
     sizes = np.array(high) - np.array(low)
@@ -76,7 +83,11 @@ def closed_share(mesh: trimesh.Trimesh, low: tuple[float, float, float], high: t
 
 
 def solid_checks(parts: Mapping[str, Part]) -> list[Check]:
-    """Clearance of the tab in every socket, between the solids; sizes of the specimen."""
+    """Check the clearance of the tab in each socket between the solids, and the sizes of the specimen.
+
+    Args:
+        parts: by name.
+    """
     from build123d import Pos
 
     plate, tab = parts["fit_plate"].solid, parts["fit_tab"].solid

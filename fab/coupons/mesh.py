@@ -1,7 +1,7 @@
-"""Meshes of the coupons: solids tessellated, and a gyroid sheet of 10 % in a box on the bond specimens. Millimetres.
+"""Meshes of the coupons: tessellated solids, and a gyroid sheet of 10 % in a box on the bond specimens. Millimetres.
 
-The sheet is what lies between the level sets -t/2 and +t/2 of the distance to the gyroid: two closed bodies, each the
-side of one level set, subtracted. So its wall may be thinner than the grid, and no sheet is sampled as such.
+The sheet lies between the level sets -t/2 and +t/2 of the distance to the gyroid. It is the difference of two closed
+bodies, each on one side of a level set, so its wall may be thinner than a step of the grid.
 """
 
 from __future__ import annotations
@@ -29,7 +29,11 @@ Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 def coupon_meshes(parts: Mapping[str, Part]) -> tuple[dict[str, trimesh.Trimesh], dict[str, float]]:
-    """Mesh of every part, and the gyroid's wall (mm) of those that have one."""
+    """Mesh of each part, and the wall of the gyroid (mm) of those that have one.
+
+    Args:
+        parts: by name.
+    """
     meshes = {name: tessellate(part.solid) for name, part in parts.items()}
     walls = {}
     for name, zone in zones_mm().items():
@@ -38,14 +42,15 @@ def coupon_meshes(parts: Mapping[str, Part]) -> tuple[dict[str, trimesh.Trimesh]
 
 
 def with_gyroid(block: trimesh.Trimesh, zone: Box, step_mm: float = STEP_MM) -> tuple[trimesh.Trimesh, float]:
-    """A block with the gyroid standing on it, its wall tuned until the zone is 10 % TPU.
+    """Mesh of a block with the gyroid on it, whose wall is adjusted until the zone is 10 % TPU; and the wall, mm.
 
     Args:
-        block: the solid part. zone: lowest and highest corner (x, y, z) of the gyroid's box, mm.
+        block: mesh of the solid part, mm.
+        zone: lowest and highest corner (x, y, z) of the gyroid's box, mm.
         step_mm: of the sampling.
 
     Raises:
-        GeometryError: the density is not reached.
+        GeometryError: no wall gives the density.
     """
     period = AREA_PER_PERIOD * WALL_MM / RELEASED_GYROID
     points, distance = _sampled(zone, period, step_mm)
@@ -62,7 +67,7 @@ def with_gyroid(block: trimesh.Trimesh, zone: Box, step_mm: float = STEP_MM) -> 
 
 
 def _sampled(zone: Box, period: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low corner (3,) of a grid two steps larger than the zone, and the distance at its nodes (x, y, z)."""
+    """Lowest corner (3,) of a grid two steps larger than the zone, and the distance at its nodes (x, y, z), mm."""
     low = np.array(zone[0]) - 2 * step
     counts = np.ceil((np.array(zone[1]) + 2 * step - low) / step).astype(int) + 1
     nodes = np.stack(np.meshgrid(*(low[k] + step * np.arange(counts[k]) for k in range(3)), indexing="ij"), axis=-1)
@@ -70,7 +75,7 @@ def _sampled(zone: Box, period: float, step: float) -> tuple[np.ndarray, np.ndar
 
 
 def _sheet(low: np.ndarray, distance: np.ndarray, wall: float, zone: Box, step: float) -> manifold3d.Manifold:
-    """Sheet of a wall inside the zone, with its root below it."""
+    """Sheet inside the zone, extended below it by its root in the block."""
     outer, inner = (_side(low, distance, level, step) for level in (-wall / 2, wall / 2))
     size = np.array(zone[1]) - np.array(zone[0]) + (0, 0, ROOT_MM)
     box = manifold3d.Manifold.cube(size.tolist()).translate((np.array(zone[0]) - (0, 0, ROOT_MM)).tolist())
@@ -78,7 +83,7 @@ def _sheet(low: np.ndarray, distance: np.ndarray, wall: float, zone: Box, step: 
 
 
 def _side(low: np.ndarray, distance: np.ndarray, level: float, step: float) -> manifold3d.Manifold:
-    """Body where the distance exceeds a level, closed at the grid's rim."""
+    """Closed body in which the distance exceeds a level."""
     field = np.pad(distance, 1, constant_values=-10.0)
     corners, faces, _, _ = marching_cubes(field, level, gradient_direction="ascent")
     mesh = weld(low + step * (corners - 1.0), faces)
@@ -86,7 +91,7 @@ def _side(low: np.ndarray, distance: np.ndarray, level: float, step: float) -> m
 
 
 def _standing(block: manifold3d.Manifold, zone: Box, sheet: manifold3d.Manifold) -> manifold3d.Manifold:
-    """Block and sheet, less what does not hang together with the block."""
+    """Union of block and sheet without pieces that are not connected to the block."""
     return max((block + sheet).decompose(), key=lambda part: part.volume())
 
 

@@ -1,1 +1,1 @@
-"""The page to turn two knobs: shape, mass and price of an endcap at once, its files by the command that makes them."""
+"""Page with sliders for D and T: shape, mass and price of an endcap at once, and a button that makes its files."""

@@ -1,4 +1,4 @@
-"""`python -m fab.design_page`: the page to turn two knobs, on this computer."""
+"""Command `python -m fab.design_page`: local server of the page with sliders for D and T."""
 
 from __future__ import annotations
 

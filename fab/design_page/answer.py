@@ -1,4 +1,4 @@
-"""What the page shows for one choice of its knobs: numbers, section, refusal; and the region that can be made."""
+"""Content of the page for one setting of its sliders: numbers and section, or refusal; and the feasible region."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from fab.recipe import closed_cast_mm3
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words, printers
 from fab.variant import Variant
 
-MAY_BE_EMPTY = ("material", "printer", *PATTERN_DEFAULTS, "robot")  # then the defaults of make molds hold
+MAY_BE_EMPTY = ("material", "printer", *PATTERN_DEFAULTS, "robot")  # then the defaults of make molds apply
 KNOBS = ("D", "T", "joint_clearance", *MAY_BE_EMPTY)
 REGION_STEPS = 160
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice of the knobs that can be made.
+    """A feasible setting of the sliders and lists.
 
     Attributes:
-        variant: the two numbers, the joint clearance, the silicone, and what else a variant has.
+        variant: design, joint clearance, silicone and robot.
         printer: name of a row of the printers' table.
     """
 
@@ -48,15 +48,18 @@ class Choice:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Options of `make molds`, one word each, no shell between."""
+        """Options of `make molds`, one word each, not quoted for a shell."""
         return tuple(shlex.split(self.variant.words))
 
 
 def parse_choice(knobs: Mapping[str, str]) -> Choice:
-    """Read the knobs as the command line reads them.
+    """Read the settings as the command line reads its options.
+
+    Args:
+        knobs: settings by name, as typed.
 
     Raises:
-        ParameterError: a value that cannot be read or made; one line with the nearest valid choice.
+        ParameterError: a value that cannot be read or made; the message has the nearest valid choice.
     """
     if strangers := sorted(set(knobs) - set(KNOBS)):
         raise ParameterError(f"{strangers[0]!r} is no knob: they are {', '.join(KNOBS)}", name=strangers[0])
@@ -66,11 +69,11 @@ def parse_choice(knobs: Mapping[str, str]) -> Choice:
 
 
 def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]:
-    """What is shown for a choice: either ``refusal``, or facts, section and commands.
+    """Content for a setting: either ``refusal``, or facts, section and commands.
 
     Args:
-        knobs: as typed.
-        exports_option: names the folder of exports in the commands (:func:`fab.command.exports_words`).
+        knobs: settings by name, as typed.
+        exports_option: option of the folder of exports in the commands (:func:`fab.command.exports_words`).
     """
     try:
         choice = parse_choice(knobs)
@@ -107,8 +110,11 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
 def preview(knobs: Mapping[str, str]) -> bytes:
     """GLB of the closed-form parts.
 
+    Args:
+        knobs: settings by name, as typed.
+
     Raises:
-        ParameterError: the choice cannot be made.
+        ParameterError: the setting is not feasible.
     """
     layout = parse_choice(knobs).variant.layout
     return _preview(layout)
@@ -121,7 +127,7 @@ def _preview(layout: MoldLayout) -> bytes:
 
 @lru_cache(maxsize=1)
 def region() -> dict[str, Any]:
-    """The region that can be made, and what else the knobs offer."""
+    """The feasible region, and the choices of the lists."""
     smallest, largest = diameter_range_mm()
     low_d = math.ceil(smallest * 100) / 100
     diameters = np.linspace(low_d, largest, REGION_STEPS)

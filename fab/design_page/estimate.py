@@ -1,8 +1,8 @@
-"""What an endcap of any size weighs, costs and takes to print, in closed form: estimates (E) before anything is made.
+"""Mass, cost and printing time of an endcap of any size in closed form: estimates (E) before anything is made.
 
 Plastic of a mold part: a skin over its whole surface, infill within; surface and volume from its revolved profile
-(Pappus), seams between segments included. Skins, ratios and the rate are set by one sliced size, D=150 T=9
-(docs/design_page.md says how near they come); how they grow with the size is geometry. `make slice` measures.
+(Pappus), seams between segments included. Skins, ratios and the rate were fitted to one sliced size, D=150 T=9
+(errors: docs/design_page.md); only the geometry changes with the size. `make slice` measures.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ SILICONE_USD_KG = 80.0  # E: of a silicone whose kit is not in fab/supplies.csv
 
 @dataclass(frozen=True)
 class Estimate:
-    """What it takes.
+    """Estimates for one endcap.
 
     Attributes:
         endcap_g: mass of the finished endcap.
         mold_g: plastic of the mold.
         hours: printing time of everything.
-        usd: of everything that goes into one endcap and its mold.
-        bed: how the printer's bed compares, in words.
+        usd: cost of all material of one endcap and its mold.
+        bed: the widest part against the printer's bed, as text.
     """
 
     endcap_g: float
@@ -86,13 +86,13 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
 
 
 def _silicone_usd_kg(name: str) -> float:
-    """Price of a kilogram in the kit that the build sheet lists."""
+    """Price of a kilogram of a silicone, in the kit of fab/supplies.csv."""
     kit = supplies().get(name)
     return 1000.0 * kit.price_usd / kit.amount if kit and kit.price_usd else SILICONE_USD_KG
 
 
 def _bed(layout: MoldLayout, printer_name: str) -> str:
-    """The widest part against the bed in its best turn."""
+    """Text on the widest part, in its best rotation, against the printer's bed."""
     where, sizes = printer(printer_name), footprints(layout)
     large = [name for name, points in sizes.items() if not where.takes(points)]
     widest = max(large or sizes, key=lambda name: float(np.ptp(sizes[name][:, 0])))
@@ -102,7 +102,7 @@ def _bed(layout: MoldLayout, printer_name: str) -> str:
 
 
 def _plastic_mm3(profile: Profile, skin_mm: float, infill: float, cuts: int) -> float:
-    """Plastic of a part: skin and infill.
+    """Volume of a part's plastic: skin and infill, mm3.
 
     Args:
         profile: outline.

@@ -1,6 +1,6 @@
-"""One run at a time of the very commands that a terminal would run, its lines as they come.
+"""Runs of the page: one at a time, by the commands of a terminal, with their lines as they are printed.
 
-`make molds` prints a line a step with its seconds where it writes to no terminal; the page shows those lines.
+Where `make molds` does not write to a terminal, it prints one line with the seconds of each step; the page shows them.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ Commands = Callable[[tuple[str, ...], str, bool, Path], list[list[str]]]
 
 
 def program_commands(words: tuple[str, ...], printer: str, is_whole: bool, exports: Path) -> list[list[str]]:
-    """What is run: molds, and then slice and sheet if all is wanted.
+    """Commands of a run: molds, then slice and sheet if everything is wanted.
 
     Args:
-        words: options that name the variant.
+        words: options of the variant.
         printer: on which it is printed.
-        is_whole: whether slicer projects and build sheet follow.
-        exports: folder that receives the variant's.
+        is_whole: whether slicer projects and build sheet are made, too.
+        exports: folder that receives the folder of the variant.
     """
     options = [*words, f"printer={printer}", f"exports={exports}"]
     runs = [["-m", "fab.molds", *options]]
@@ -53,7 +53,7 @@ class _State:
 
 
 class Jobs:
-    """The run, if there is one, and what it has printed."""
+    """The current or last run, if there is one, and its lines."""
 
     def __init__(self, exports: Path, commands: Commands = program_commands) -> None:
         self._exports, self._commands = exports, commands
@@ -63,10 +63,10 @@ class Jobs:
         self._is_stopped = self._is_closing = False
 
     def start(self, words: tuple[str, ...], printer: str, label: str, is_whole: bool) -> bool:
-        """Begin a run; False where one is going on.
+        """Begin a run; return False if one is in progress.
 
         Args:
-            words: options that name the variant.
+            words: options of the variant.
             printer: on which it is printed.
             label: name of its folder.
             is_whole: whether slicer projects and build sheet follow.
@@ -82,7 +82,7 @@ class Jobs:
         return True
 
     def stop(self) -> None:
-        """End the run: the command under way leaves nothing behind, and none after it begins."""
+        """End the run: the command in progress leaves no files, and no other begins."""
         with self._changed:
             self._is_stopped = True
             process = self._process
@@ -99,7 +99,12 @@ class Jobs:
             self._changed.wait_for(lambda: not self._state.running, END_S)
 
     def seen(self, number: int, wait_s: float = 0.0) -> dict[str, Any]:
-        """The state as JSON, once its number is no longer the one seen, or after a time."""
+        """State as JSON, once its number differs from the last one seen, or after a timeout.
+
+        Args:
+            number: of the last state seen.
+            wait_s: timeout.
+        """
         with self._changed:
             self._changed.wait_for(lambda: self._state.number != number or self._is_closing, wait_s)
             return {
@@ -134,13 +139,13 @@ class Jobs:
             return STOPPED
         process = subprocess.Popen(
             run, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            errors="replace", start_new_session=True,  # Ctrl-C is for the page, which then ends the run
+            errors="replace", start_new_session=True,  # Ctrl-C ends the page, which then ends the run
             preexec_fn=partial(end_with_parent, os.getpid()),
         )  # fmt: skip
         with self._changed:
             self._process = process
             is_stopped = self._is_stopped
-        if is_stopped:  # while it was being started
+        if is_stopped:  # stopped during the start
             process.send_signal(signal.SIGTERM)
         assert process.stdout is not None
         for line in process.stdout:

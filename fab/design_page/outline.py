@@ -1,6 +1,6 @@
-"""Every part of an endcap as revolved profiles in closed form: what the page shows before anything has been made.
+"""Parts of an endcap as revolved profiles in closed form, which the page shows before anything has been made.
 
-Endcap frame, millimetres. Left out are holes, screws, dots, jigsaw seams and the gyroid, which is its envelope here.
+Endcap frame, millimetres. Holes, screws, dots and jigsaw seams are left out; the gyroid is replaced by its envelope.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Revolved:
         group: ``endcap`` or ``mold``.
         profiles: closed outlines in the half plane, (radius, height).
         color: as shown on a screen.
-        apart_mm: displacement along the axis when the parts are pulled apart.
+        apart_mm: displacement along the axis in the exploded view.
     """
 
     name: str
@@ -47,7 +47,11 @@ class Revolved:
 
 
 def parts(layout: MoldLayout) -> tuple[Revolved, ...]:
-    """All parts of endcap and mold, from the tip down."""
+    """All parts of endcap and mold, from the tip down.
+
+    Args:
+        layout: mold sizes.
+    """
     params = layout.params
     step = 0.42 * params.tip_height_mm + 14.0
     return (
@@ -65,13 +69,21 @@ def parts(layout: MoldLayout) -> tuple[Revolved, ...]:
 
 
 def shell_profile(params: EndcapParams) -> Profile:
-    """Silicone: between the two spheres, from the flange up."""
+    """Profile of the silicone: between the two spheres, above the flange.
+
+    Args:
+        params: the design.
+    """
     low = params.flange_thickness_mm
     return [*_arc(params, params.outer_radius_mm, low), *reversed(_arc(params, params.inner_radius_mm, low))]
 
 
 def interface_profiles(params: EndcapParams) -> tuple[Profile, Profile]:
-    """TPU: the flange, and the envelope of the gyroid over it."""
+    """Profiles of the TPU: the flange, and the envelope of the gyroid above it.
+
+    Args:
+        params: the design.
+    """
     low, high = params.flange_thickness_mm, params.interlock_top_mm
     bore = params.bore_radius_mm
     rim = [(params.outer_radius_at(z), z) for z in np.linspace(0.0, low, 6).tolist()]
@@ -84,7 +96,11 @@ def interface_profiles(params: EndcapParams) -> tuple[Profile, Profile]:
 
 
 def preview_parts(layout: MoldLayout) -> list[PreviewPart]:
-    """The parts as meshes, and the camera as a box."""
+    """The parts as meshes, and the camera as a box.
+
+    Args:
+        layout: mold sizes.
+    """
     params = layout.params
     found = []
     for part in parts(layout):
@@ -98,7 +114,11 @@ def preview_parts(layout: MoldLayout) -> list[PreviewPart]:
 
 
 def revolved(profile: Profile) -> trimesh.Trimesh:
-    """A closed profile turned round the axis."""
+    """Mesh of a closed profile revolved about the axis.
+
+    Args:
+        profile: (radius, height) of its corners, mm.
+    """
     ring = np.asarray(profile)
     angle = np.linspace(0.0, 2 * math.pi, STEPS, endpoint=False)
     radius, height = ring[:, 0], ring[:, 1]
@@ -150,7 +170,7 @@ def _base(params: EndcapParams) -> Profile:
 
 def _adapter(params: EndcapParams) -> Profile:
     """The adapter as a disc out to its arms' ends."""
-    top = -params.base_thickness_mm - 0.3  # two faces in one plane would flicker
+    top = -params.base_thickness_mm - 0.3  # two faces in one plane would flicker on the screen
     reach = params.arm_circle_radius_mm + 7.5
     return _ring(arm_adapter.BORE_RADIUS_MM, reach, top - arm_adapter.THICKNESS_MM, top)
 
@@ -174,7 +194,7 @@ def _bowl(layout: MoldLayout) -> Profile:
 
 
 def _core(layout: MoldLayout) -> Profile:
-    """The core: the inner sphere and the neck that fills the bore."""
+    """The core: the inner sphere, and the neck in the bore."""
     params = layout.params
     neck = layout.neck_radius_mm
     start = -math.acos(min(1.0, neck / params.inner_radius_mm))

@@ -1,8 +1,8 @@
-"""The page's server: loopback only, standard library, the same rules as the page of a live run.
+"""HTTP server of the page: loopback only, standard library, the same rules as the page of a live run.
 
-A request must name this computer (the Host header), so that no other site can reach the page by a name of its own; what
-changes something must carry the token that the page was served with, so that no other site can press a button; nothing
-may frame the page; files of an export are served as they lie in its folder, in a sandbox, and no path leaves it.
+The Host header of a request must name this computer, which prevents DNS rebinding. A request that changes something
+must have the token of the served page, which prevents requests from other sites. The page cannot be framed. Files of an
+export are served unchanged from its folder, in a sandbox, and no path leaves the folder.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PORT = 8010
 LARGEST_BODY = 4096
 MOST_DIGITS = 18  # of its length: Python refuses to read thousands
 MOST_FIELDS = 16  # of an address
-WAIT_S = 20.0  # of a question for news of the run
+WAIT_S = 20.0  # of a request for the state of the run
 TOKEN_HEADER = "X-Endcap-Token"
 LABEL = re.compile(r"D[0-9.]+_T[0-9.]+(_[A-Za-z0-9.-]+)*")
 HEADERS = {
@@ -62,7 +62,7 @@ KINDS = {
 
 
 class DesignServer(ThreadingHTTPServer):
-    """Serves the page on this computer.
+    """Server of the page on this computer.
 
     Args:
         exports: folder that holds the exports.
@@ -88,11 +88,16 @@ class DesignServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """To open in a browser."""
+        """Address of the page, to be opened in a browser."""
         return f"http://127.0.0.1:{self.server_port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away in the middle is no event."""
+        """Ignore a browser that closes the connection.
+
+        Args:
+            request: its connection.
+            client_address: of the browser.
+        """
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -107,11 +112,11 @@ class _Handler(BaseHTTPRequestHandler):
         self._answered(self._post)
 
     def _answered(self, work: Callable[[], None]) -> None:
-        """Answer a request; an error is one line, here and in the terminal, never an empty reply."""
+        """Answer a request; report an error in one line, in the reply and in the terminal."""
         try:
             work()
         except (ConnectionError, TimeoutError):
-            self._close_after()  # a browser that went away
+            self._close_after()  # the browser closed the connection
         except EndcapError as error:
             LOG.error(f"design page: {error}")
             self._text(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
@@ -168,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._text(HTTPStatus.NOT_FOUND, "There is nothing under this address.")
 
     def log_message(self, format: str, *args: object) -> None:
-        """Silent: the terminal shows the run."""
+        """Print nothing: the terminal shows the run."""
 
     def _make(self, body: Mapping[str, Any]) -> None:
         knobs = {name: value for name, value in body.items() if name != "whole"}
@@ -223,7 +228,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._text(HTTPStatus.NOT_FOUND, "No such file.")
 
     def _refused(self) -> bool:
-        """Whether a request does not name this computer; then it is answered."""
+        """Answer a request that does not name this computer; return whether it did so."""
         host = self.headers.get("Host", "")
         with contextlib.suppress(ValueError):
             name = urlsplit(f"//{host}").hostname or ""

@@ -34,13 +34,13 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # ignored while
 
 
 @contextmanager
-def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: None) -> Iterator[Path]:
+def whole_folder(final: Path, record: str, check_interrupt: Callable[[], None] = lambda: None) -> Iterator[Path]:
     """Yield a folder to fill, whose files are moved to ``final`` at the end, or removed after an exception.
 
     Args:
         final: final folder of the files; the user's own files in it remain.
         record: name of the JSON file that lists the others (:func:`write_record`); it must be in the folder.
-        ask: called after all files are written and before any appears; if it raises, nothing is published.
+        check_interrupt: called after all files are written and before any appears; if it raises, nothing is published.
 
     Raises:
         FileError: the folder cannot be written, the disk is full, or a file to be replaced is the user's; the earlier
@@ -55,7 +55,7 @@ def whole_folder(final: Path, record: str, ask: Callable[[], None] = lambda: Non
     try:
         with _as_file_error(final):
             yield partial
-            ask()
+            check_interrupt()
             with _uninterrupted():
                 _publish(partial, final, record)
     finally:
@@ -120,8 +120,8 @@ def sweep(final: Path, record: str) -> None:
     """Clean up after killed runs next to a folder: remove partial folders, and move the files of ready ones."""
     remove_partial(final.parent)
     for path in sorted(final.parent.glob(f".{final.name}.ready-*")):
-        with lock_if_free(path) as free:
-            if free:
+        with lock_if_free(path) as is_free:
+            if is_free:
                 _move_in(path, final, record)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -56,15 +57,20 @@ def write_solids(design: Design, folder: Path) -> None:
 
 
 def write_shape(shape: Shape, path: Path) -> None:
-    """Write one shape as STEP.
+    """Write one shape as STEP; its product has the name of the file, which CAD programs show.
+
+    Args:
+        shape: solid or compound, mm. path: of the file, ``<part>.step``.
 
     Raises:
         FileError: the kernel could not write the file.
     """
     from build123d import export_step
 
+    named = copy(shape)  # shares the geometry; the design's own solid stays without a label
+    named.label = path.stem
     try:
-        export_step(shape, path)
+        export_step(named, path)
     except RuntimeError as error:  # the kernel reports only that it failed, mostly on a full disk
         raise FileError(
             f"{path.name}: cannot be written ({error}): free some space or name another folder with exports=DIR"

@@ -1,4 +1,4 @@
-"""`python -m fab.led_ring`: circuit, board files, pictures and checks of the LED ring, from the LED count."""
+"""Command `python -m fab.led_ring`: circuit, board files, pictures and checks of the LED ring, from the LED count."""
 
 from __future__ import annotations
 
@@ -64,20 +64,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
 
 
-def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callable[[], None] = lambda: None) -> int:
+def make_ring(
+    params: EndcapParams, led_count: float, exports: Path, check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Make, check and write the ring.
 
     Args:
-        params: the endcap it lights.
+        params: the endcap that the ring lights.
         led_count: LEDs in the string.
         exports: folder that receives ``led_ring``.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
 
     Raises:
-        ParameterError: LED count outside what the board takes, or too few for this dome.
+        ParameterError: LED count outside the range of the board, or too small for this dome.
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
@@ -90,12 +92,10 @@ def make_ring(params: EndcapParams, led_count: float, exports: Path, ask: Callab
     from fab.led_ring.schematic_check import schematic_checks
 
     places, count = placements(led_count), int(led_count)
-    driver = fitted_driver(count)
-    light = dome_light(params, count)
+    driver, light = fitted_driver(count), dome_light(params, count)
     require_even(light, params, count)
-    copper = build_copper(count)
-    final = exports / folder_name(params, count)
-    with whole_folder(final, RECORD, ask) as folder:
+    copper, final = build_copper(count), exports / folder_name(params, count)
+    with whole_folder(final, RECORD, check_interrupt) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
         write_project(copper, count, folder)
@@ -126,7 +126,12 @@ def _size_words(params: EndcapParams) -> str:
 
 
 def folder_name(params: EndcapParams, led_count: int) -> str:
-    """``led_ring``, and what of the design is not the default: one ring's files do not replace another's."""
+    """Name of the ring's folder: ``led_ring`` and each parameter that is not the default; no ring replaces another.
+
+    Args:
+        params: the design.
+        led_count: LEDs in the string.
+    """
     parts = ["led_ring"]
     if params != EndcapParams(float(COMMAND.defaults["D"]), float(COMMAND.defaults["T"])):
         parts.append(params.label)
@@ -139,7 +144,9 @@ def ring_report(driver: Driver, params: EndcapParams, checks: Sequence[Check]) -
     """Values, budget and checks of the ring for manifest and sheet.
 
     Args:
-        driver: the circuit. params: the design. checks: results of the gates.
+        driver: the circuit.
+        params: the design.
+        checks: results of the gates.
     """
     return {
         "parameters": {"diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "leds": driver.led_count},

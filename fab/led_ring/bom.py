@@ -1,4 +1,4 @@
-"""What to order for one LED ring and where to put it: BOM lines and the pick-and-place table."""
+"""BOM lines and pick-and-place table of one LED ring."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from cad.led_placement import LED_COUNT, placements
 
 @dataclass(frozen=True)
 class RingLine:
-    """One line: what, how many, where.
+    """One line of the BOM.
 
     Attributes:
         item: name of the part in this project.
         quantity: pieces.
         references: places on the board, for example ``LED1 LED2``.
-        description, maker, part_number, package: what to order.
+        description: of the part to order.
+        maker: of that part.
+        part_number: of its maker.
+        package: of the part, a key of the land patterns.
     """
 
     item: str
@@ -33,8 +36,11 @@ class RingLine:
 def ring_bom(led_count: int = LED_COUNT) -> tuple[RingLine, ...]:
     """Lines of one ring, the board itself first.
 
+    Args:
+        led_count: LEDs in the string.
+
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside the range of the board.
     """
     lines = [
         RingLine(

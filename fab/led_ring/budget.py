@@ -1,4 +1,4 @@
-"""Checks of the LED ring's driver: does it start, stay inside every rating, and fit the USB plug? SI units.
+"""Checks that the LED ring's driver starts, stays inside every rating, and keeps the limits of the USB plug. SI units.
 
 Limits are those of the TPS61165 data sheet (SLVS790E), USB 2.0 (7.2.1, 7.2.4.1) and the paper (under 130 mA). Every
 rating is held at the worst of :func:`corners`; what is compared with the paper or with an estimate of ageing, with the
@@ -40,7 +40,7 @@ from fab.led_ring.driver import (
 )
 
 LED_A = 0.020  # P, LED03
-RING_A = 0.130  # P, LED08: the ring draws less, at the nominal values
+RING_A = 0.130  # P, LED08: upper limit of the ring at the nominal values
 USB_A = 0.500  # S: 2.5 W at 5 V
 USB_RANGE_V = (4.75, 5.25)  # S: at a powered port
 STEP_UP_V = 1.0  # E: least of the string over the supply; a boost converter cannot go below it
@@ -51,17 +51,17 @@ FILM_W_M2K = 8.0  # E: free convection and radiation at a wall
 BOARD_FILM_W_M2K = 12.0  # E: the same at a ring 7 mm wide
 RUBBER_W_MK = 0.2  # E: silicone
 PLASTIC_W_MK = 0.15  # E: PLA and PETG
-PLASTIC_MM = 12.0  # E: way from the board's back through spacer and base
+PLASTIC_MM = 12.0  # E: heat path from the board's back through spacer and base
 WARM_ROOM_C = 40.0  # E: for the junctions
-SPACER_C = 70.0  # E: PETG creeps above it (PLA from 55)
+SPACER_C = 70.0  # E: PETG creeps above this temperature (PLA above 55)
 DRIVER_K_W = 210.0  # S: SOT-23-6, junction to ambient, on the test board of the data sheet
 LED_K_W = 40.0  # E: junction to board
 DRIVER_MAX_C = 125.0  # S
-LED_MAX_C = 85.0  # E: where the silicone of the package ages slowly
+LED_MAX_C = 85.0  # E: limit for slow ageing of the silicone in the package
 
 
 def corners(driver: Driver) -> tuple[Driver, ...]:
-    """A circuit at every corner of its spreads: supply, sense current, inductor, frequency, LEDs and capacitors.
+    """A circuit at each corner of its tolerances: supply, sense current, inductor, frequency, LEDs and capacitors.
 
     Args:
         driver: the circuit with its nominal values.
@@ -91,10 +91,14 @@ def corners(driver: Driver) -> tuple[Driver, ...]:
 
 
 def driver_checks(driver: Driver) -> list[Check]:
-    """All electrical checks of a circuit: its nominal values, and every rating at the worst corner of its spreads."""
+    """All electrical checks of a circuit: its nominal values, and each rating at the worst corner of its tolerances.
+
+    Args:
+        driver: the circuit with its nominal values.
+    """
     wanted = choose_driver(driver.led_count, LED_A)
     every = corners(driver)
-    sold_uh = 1e6 * driver.inductance_h  # the range is recommended for the value that an inductor is sold by
+    sold_uh = 1e6 * driver.inductance_h  # the recommended range is one of nominal values
     return [
         Check("ring.r_set_ohm", driver.r_set_ohm, wanted.r_set_ohm, wanted.r_set_ohm),
         Check("ring.led_current_ma", 1e3 * driver.led_a, 0.97 * 1e3 * LED_A, 1.03 * 1e3 * LED_A),
@@ -124,7 +128,7 @@ def _worst(name: str, values: Iterable[float], low: float = -math.inf, high: flo
 
 
 def conduction_report(driver: Driver) -> dict[str, float]:
-    """Where the inductor's current stops in every period; information, no gate, as every rating is checked there.
+    """Conditions under which the inductor's current stops in each period; no gate, as every rating is checked there.
 
     Args:
         driver: the circuit with its nominal values.
@@ -149,7 +153,9 @@ def temperatures_c(driver: Driver, params: EndcapParams, room_c: float) -> dict[
     third of the rise.
 
     Args:
-        driver: the circuit. params: the design. room_c: temperature of the room.
+        driver: the circuit.
+        params: the design.
+        room_c: temperature of the room, degrees Celsius.
     """
     heat = driver.input_w + CAMERA_A * driver.v_in
     dome = 2 * math.pi * (1e-3 * params.outer_radius_mm) ** 2
@@ -170,17 +176,23 @@ def temperatures_c(driver: Driver, params: EndcapParams, room_c: float) -> dict[
 
 
 def warmest_room_c(driver: Driver, params: EndcapParams) -> float:
-    """Room in which the board reaches what its PETG spacer bears; the estimate of :func:`temperatures_c`, no gate."""
+    """Room temperature at which the board reaches the limit of its PETG spacer, by :func:`temperatures_c`; no gate.
+
+    Args:
+        driver: the circuit.
+        params: the design.
+    """
     return SPACER_C - temperatures_c(driver, params, 0.0)["board"]
 
 
 def thermal_checks(driver: Driver, params: EndcapParams) -> list[Check]:
     """Junctions in a warm room: the LEDs' at the nominal values, the driver's at the worst corner.
 
-    That of the LEDs is limited by how they age over years, and an LED at its highest voltage is a cold one.
+    The limit of the LEDs is set by ageing over years, so nominal values apply; LEDs have their highest voltage cold.
 
     Args:
-        driver: the circuit with its nominal values. params: the design.
+        driver: the circuit with its nominal values.
+        params: the design.
     """
     usual = temperatures_c(driver, params, WARM_ROOM_C)
     hottest = (temperatures_c(at, params, WARM_ROOM_C)["driver junction"] for at in corners(driver))

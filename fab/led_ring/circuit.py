@@ -1,7 +1,8 @@
-"""What is connected to what on the LED ring, and the check of it (an electrical rule check).
+"""Netlist of the LED ring, and its electrical rule check.
 
 The circuit is the typical application of the TPS61165 (SLVS790E, figure on page 1): supply, inductor, switch node,
-Schottky diode, output capacitor, the string, sense resistor; CTRL on the supply, so the light is on with the plug.
+Schottky diode, output capacitor, the string, sense resistor; CTRL is tied to the supply, so the light is on while the
+plug has power.
 Pins of the SOT-23-6 package: 1 VIN, 2 CTRL, 3 SW, 4 GND, 5 COMP, 6 FB (DBV; compare with your data sheet).
 """
 
@@ -28,7 +29,11 @@ PINS = {
 
 
 def netlist(led_count: int = LED_COUNT) -> Netlist:
-    """Every net with its pins."""
+    """Nets by name, each with its pins.
+
+    Args:
+        led_count: LEDs in the string.
+    """
     nets: dict[str, tuple[Pin, ...]] = {
         "VIN": (("J1", "1"), ("C1", "1"), ("L1", "1"), ("U1", "1"), ("U1", "2")),
         "GND": (
@@ -47,7 +52,7 @@ def netlist(led_count: int = LED_COUNT) -> Netlist:
 
 
 def circuit_checks(nets: Netlist, led_count: int = LED_COUNT) -> list[Check]:
-    """Electrical rules, each as a count of what breaks it.
+    """Electrical rules, each with the number of its violations.
 
     Every pin in exactly one net; no net with a single pin; every part between two different nets; the string one
     chain of LEDs, all in the same sense, from the output to the sense resistor.
@@ -71,7 +76,11 @@ def circuit_checks(nets: Netlist, led_count: int = LED_COUNT) -> list[Check]:
 
 
 def string_length(net_of: dict[Pin, str]) -> int:
-    """LEDs passed from the output to the sense resistor, anode to cathode; 0 where the chain ends elsewhere."""
+    """Number of LEDs in series from the output to the sense resistor, anode to cathode; 0 if the chain ends elsewhere.
+
+    Args:
+        net_of: net of each pin.
+    """
     net, count = "VOUT", 0
     anodes = {name: pin[0] for pin, name in net_of.items() if pin[1] == "A" and pin[0].startswith("LED")}
     while net in anodes and count <= len(anodes):

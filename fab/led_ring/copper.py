@@ -1,7 +1,8 @@
 """Copper of the LED ring: pads, tracks, vias and the ground plane, as polygons in the board plane.
 
 Millimetres, endcap x and y seen from the dome. Two layers: parts and tracks on top; the bottom is a ground plane that
-leaves out the plug's supply. Tracks are drawn unrolled (:mod:`cad.led_placement`), radius up, and bent onto the board.
+leaves out the plug's supply. Tracks are drawn in unrolled coordinates (:mod:`cad.led_placement`), radius up, and mapped
+onto the board.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Pad:
 
     @property
     def shape(self) -> Polygon:
-        """Its rectangle."""
+        """Area of the land."""
         angle = math.radians(self.turn_deg)
         cos, sin = math.cos(angle), math.sin(angle)
         half = [(sx * self.width / 2, sy * self.height / 2) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -53,7 +54,7 @@ class Pad:
 
 @dataclass(frozen=True)
 class Track:
-    """A line of copper with round ends along board points."""
+    """A track with round ends along board points."""
 
     net: str
     side: str
@@ -62,7 +63,7 @@ class Track:
 
     @property
     def shape(self) -> BaseGeometry:
-        """Its area."""
+        """Area of the track."""
         return LineString(self.points).buffer(self.width / 2, quad_segs=CIRCLE_SEGMENTS)
 
 
@@ -75,16 +76,18 @@ class Via:
 
     @property
     def shape(self) -> BaseGeometry:
-        """Its pad."""
+        """Area of the pad."""
         return Point(self.centre).buffer(VIA_PAD_MM / 2, quad_segs=CIRCLE_SEGMENTS)
 
 
 @dataclass(frozen=True)
 class Copper:
-    """Everything on the board.
+    """All copper of the board.
 
     Attributes:
-        pads, tracks, vias: drawn copper.
+        pads: lands of the parts.
+        tracks: of the top.
+        vias: plated holes.
         plane: ground plane on the bottom.
     """
 
@@ -97,8 +100,11 @@ class Copper:
 def build_copper(led_count: int = LED_COUNT) -> Copper:
     """All copper of a ring.
 
+    Args:
+        led_count: LEDs in the string.
+
     Raises:
-        ParameterError: LED count outside what the board takes, or a part in a package without a land.
+        ParameterError: LED count outside the range of the board, or a part in a package without a land.
     """
     nets = {pin: name for name, pins in netlist(led_count).items() for pin in pins}
     pads = tuple(pad for place in placements(led_count) for pad in _pads(place, nets))
@@ -119,7 +125,7 @@ def _pads(place: Placement, nets: dict[tuple[str, str], str]) -> list[Pad]:
 
 
 def _chip_lands() -> dict[str, tuple[float, float]]:
-    """Unrolled middle of each land of the chips, by reference and pin (``C1.2``): tracks end there in any package."""
+    """Unrolled centre of each land of the chips, by reference and pin (``C1.2``), where tracks end in any package."""
     chips = [place for place in placements() if place.reference in _CHIPS]  # none of them turned
     return {
         f"{place.reference}.{pin}": (place.s_mm + x, place.t_mm + y)
@@ -129,7 +135,11 @@ def _chip_lands() -> dict[str, tuple[float, float]]:
 
 
 def driver_tracks(led_count: int) -> tuple[Track, ...]:
-    """Tracks of the boost converter and on to both ends of the string, drawn unrolled (s clockwise, t outward)."""
+    """Tracks of the boost converter and to both ends of the string, in unrolled coordinates (s clockwise, t outward).
+
+    Args:
+        led_count: LEDs in the string.
+    """
     leds = [place.s_mm for place in placements(led_count) if place.kind == "led"]
     led = lands_of(led_part("led"))
     turn = 2 * math.pi * MIDDLE_RADIUS_MM
@@ -164,7 +174,7 @@ def driver_tracks(led_count: int) -> tuple[Track, ...]:
 
 
 def driver_vias() -> tuple[Via, ...]:
-    """Holes of the boost converter; the output capacitor and the switch have two to the ground plane."""
+    """Vias of the boost converter; the output capacitor and the switch have two to the ground plane."""
     ground = _chip_lands()["C2.2"][0]
     places = [
         ("VIN", (-1.0, 2.55)),
@@ -179,7 +189,11 @@ def driver_vias() -> tuple[Via, ...]:
 
 
 def string_tracks(led_count: int) -> tuple[Track, ...]:
-    """From each LED's cathode to the next one's anode, along the middle circle."""
+    """Tracks from each LED's cathode to the anode of the next, along the middle circle.
+
+    Args:
+        led_count: LEDs in the string.
+    """
     leds = [place for place in placements(led_count) if place.kind == "led"]
     led, tracks = lands_of(led_part("led")), []
     for k, (here, there) in enumerate(pairwise(leds)):
@@ -200,9 +214,9 @@ def _bent(points: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
 
 
 def _spokes(pad: Pad, plane: BaseGeometry) -> list[Track]:
-    """Bridges from a ground pad to the plane, on its four sides where there is plane.
+    """Thermal relief of a ground pad: bridges to the plane on the sides where there is plane.
 
-    They are thermal relief: the pad can be soldered by hand.
+    With it the pad can be soldered by hand.
     """
     spokes = []
     for quarter in range(4):
@@ -215,7 +229,7 @@ def _spokes(pad: Pad, plane: BaseGeometry) -> list[Track]:
 
 
 def _plane(pads: tuple[Pad, ...], tracks: tuple[Track, ...], vias: tuple[Via, ...]) -> BaseGeometry:
-    """Ground on the bottom: the face less its edge and less the surroundings of other nets and of soldered pads."""
+    """Ground plane: the bottom less its edge and less the surroundings of other nets and of soldered pads."""
     face = _ring(BOARD_INNER_RADIUS_MM + PLANE_EDGE_MM, BOARD_OUTER_RADIUS_MM - PLANE_EDGE_MM)
     others = [p.shape for p in pads if p.side == "bottom"]
     others += [t.shape for t in tracks if t.side == "bottom" and t.net != "GND"]

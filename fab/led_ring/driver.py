@@ -6,11 +6,11 @@ data sheet (Texas Instruments SLVS790E, sections 7.2, 7.6, 8.3.2, 9.1.1 to 9.1.5
     current        I_LED = V_FB / R_set
     string         V_out = n V_LED + V_FB
     ripple         I_P = 1 / (L f_s (1 / (V_out + V_F - V_in) + 1 / V_in))  peak to peak, if the current never stops
-    inductor       I_L = P_in / V_in - I_q, the mean: what the controller itself draws does not flow through it
+    inductor       I_L = P_in / V_in - I_q, the mean: the controller's own current does not flow through it
     conduction     c = min(1, sqrt(2 I_L / I_P)), the share of the period in which the current flows
     peak           I_L + I_P / 2 where c = 1, else c I_P
     duty           D = c (1 - V_in / (V_out + V_F))
-    most current   I_max = V_in (I_lim - I_P / 2) eta / V_out
+    limit          I_max = V_in (I_lim - I_P / 2) eta / V_out
     output ripple  V_ripple = (1 - c V_in / (V_out + V_F)) I_LED / (C_out f_s)
 
 The current stops (discontinuous conduction, c < 1) where its mean is less than half its ripple. A triangle from zero
@@ -45,11 +45,11 @@ QUIESCENT_A = 2.3e-3  # S: while switching
 TRANSITION_S = 2 * 8e-9  # E: rise and fall of the SW pin
 SWITCH_FARAD = 60e-12  # E: capacitance at the SW pin: switch, diode, pads
 INDUCTOR_OHM = 0.45  # E: 22 uH in 4 x 4 x 1.8 mm
-INDUCTOR_SATURATION_A = 0.6  # E: at the least; the data sheet of the part rules
+INDUCTOR_SATURATION_A = 0.6  # E: lower bound; see the data sheet of the part
 INDUCTANCE_SPREAD = 0.20  # S
-INDUCTANCE_RANGE_H = (10e-6, 22e-6)  # S: recommended, of the value it is sold by
+INDUCTANCE_RANGE_H = (10e-6, 22e-6)  # S: recommended range of the nominal value
 CAPACITOR_SPREAD = 0.10  # S: X5R and X7R of 10 %
-OUTPUT_SHARE_AT_BIAS = 0.55  # E: what a 50 V X7R capacitor keeps at 25 V
+OUTPUT_SHARE_AT_BIAS = 0.55  # E: share of its capacitance that a 50 V X7R capacitor has at 25 V
 C_OUT_RANGE_F = (1e-6, 10e-6)  # S: recommended
 C_IN_LEAST_F = 1e-6  # S
 USB_INRUSH_F = 10e-6  # S: USB 2.0, 7.2.4.1: most capacitance at the plug
@@ -61,7 +61,7 @@ _E24 = (10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 
 
 @dataclass(frozen=True)
 class Driver:
-    """The circuit's values.
+    """Values of the circuit.
 
     Attributes:
         led_count: LEDs in the one string.
@@ -70,7 +70,7 @@ class Driver:
         inductance_h, c_in_f, c_out_f, c_comp_f: nominal values.
         v_in: supply at the plug.
         v_diode: forward voltage of the Schottky diode.
-        f_switch_hz: at which the driver switches.
+        f_switch_hz: switching frequency.
     """
 
     led_count: int
@@ -101,7 +101,7 @@ class Driver:
 
     @property
     def ripple_a(self) -> float:
-        """Peak-to-peak current in the inductor, while it never stops."""
+        """Peak-to-peak current in the inductor in continuous conduction."""
         return 1 / (self.inductance_h * self.f_switch_hz * (1 / (self.swing_v - self.v_in) + 1 / self.v_in))
 
     @property
@@ -121,7 +121,7 @@ class Driver:
 
     @property
     def led_w(self) -> float:
-        """Electrical power of the LEDs alone, what the efficiency counts."""
+        """Electrical power of the LEDs alone, the useful power of the efficiency."""
         return self.led_count * self.led_v * self.led_a
 
     @property
@@ -147,12 +147,12 @@ class Driver:
 
     @property
     def most_output_a(self) -> float:
-        """Output current at which the switch reaches its limit; the inductor's current does not stop there."""
+        """Output current at which the switch reaches its limit, in continuous conduction."""
         return self.v_in * (I_LIMIT - self.ripple_a / 2) * self.efficiency / self.v_out
 
     @property
     def output_ripple_v(self) -> float:
-        """Ripple of the output with what the capacitor keeps under voltage: it alone feeds the LEDs for that time."""
+        """Ripple of the output with the capacitance under bias, which alone supplies the LEDs for that time."""
         alone = 1 - self.conduction * self.v_in / self.swing_v
         return alone * self.led_a / (self.f_switch_hz * OUTPUT_SHARE_AT_BIAS * self.c_out_f)
 
@@ -161,15 +161,16 @@ def conducting_share(mean_a: float, ripple_a: float) -> float:
     """Share of the period in which an inductor's current flows.
 
     Args:
-        mean_a: over the whole period. ripple_a: peak to peak, while the current never stops.
+        mean_a: over the whole period.
+        ripple_a: peak to peak, in continuous conduction.
     """
     return min(1.0, math.sqrt(2 * mean_a / ripple_a))
 
 
 def losses_w(driver: Driver) -> dict[str, float]:
-    """Power lost in each part; the inductor's current is a triangle, on its mean or, where it stops, on zero.
+    """Power lost in each part; the inductor's current is a triangle about its mean or, where it stops, from zero.
 
-    The mean is found from the power it must carry, itself included, by fixed point: it converges to 1e-9 in ten steps.
+    The mean follows from the power at the plug, losses included, by fixed point: it converges to 1e-9 in ten steps.
     Where the supply cannot give that power at all the inductor's loss is infinite, and so is the current at the plug.
     """
     mean_a, swing, f_hz = driver.v_out * driver.led_a / driver.v_in, driver.swing_v, driver.f_switch_hz
@@ -188,7 +189,7 @@ def losses_w(driver: Driver) -> dict[str, float]:
             "controller": QUIESCENT_A * driver.v_in,
         }
         before, mean_a = mean_a, (driver.led_w + sum(lost.values())) / driver.v_in - QUIESCENT_A
-        if mean_a > driver.v_in / INDUCTOR_OHM:  # more than the inductor alone would let through
+        if mean_a > driver.v_in / INDUCTOR_OHM:  # more than the inductor alone would pass
             return {**lost, "inductor": math.inf}
         if abs(mean_a - before) < 1e-12:
             break
@@ -196,7 +197,11 @@ def losses_w(driver: Driver) -> dict[str, float]:
 
 
 def sense_resistor_ohm(led_a: float) -> float:
-    """Standard value (E24) nearest to V_FB / I by ratio."""
+    """Standard value (E24) nearest to V_FB / I by ratio.
+
+    Args:
+        led_a: current of the string.
+    """
     wanted = V_REFERENCE / led_a
     decade = 10.0 ** math.floor(math.log10(wanted))
     values = [decade * step * value / 10 for step in (0.1, 1.0, 10.0) for value in _E24]
@@ -216,7 +221,7 @@ def choose_driver(led_count: int = LED_COUNT, led_a: float = 0.020) -> Driver:
         led_a: wanted current.
 
     Raises:
-        ParameterError: LED count outside what the board takes, or so little current that the inductor's stops.
+        ParameterError: LED count outside the range of the board, or so little current that the inductor's stops.
     """
     led_azimuths_deg(led_count)
     chosen = Driver(
@@ -240,5 +245,9 @@ def choose_driver(led_count: int = LED_COUNT, led_a: float = 0.020) -> Driver:
 
 
 def fitted_driver(led_count: int = LED_COUNT) -> Driver:
-    """The driver as the parts' table has it: what is really soldered."""
+    """The driver with the values in the table of the parts that are soldered.
+
+    Args:
+        led_count: LEDs in the string.
+    """
     return replace(choose_driver(led_count), r_set_ohm=led_part("r_set").value, inductance_h=led_part("inductor").value)

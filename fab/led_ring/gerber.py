@@ -1,7 +1,7 @@
-"""Fabrication files of the LED ring: Gerber X2 layers and an Excellon drill file through gerbonara, and back again.
+"""Writer and reader of the LED ring's fabrication files: Gerber X2 layers and an Excellon drill file, by gerbonara.
 
-Millimetres, endcap x and y seen from the dome on every layer, as the format wants it. What is read back are plain
-polygons by layer: the checks and the picture see what a board house will see, not what was meant.
+Millimetres, endcap x and y seen from the dome on every layer, as the format requires. The reader returns polygons by
+layer, so checks and picture use the files that a board house receives.
 """
 
 from __future__ import annotations
@@ -45,7 +45,12 @@ SIDES = {"top": "F", "bottom": "B"}
 
 
 def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
-    """Every fabrication file by name, ``led_ring-F_Cu.gbr`` and so on, and ``led_ring-drill_plated.drl``."""
+    """Fabrication files by name: ``led_ring-F_Cu.gbr`` and so on, and ``led_ring-drill_plated.drl``.
+
+    Args:
+        copper: of the board.
+        stem: first part of the names.
+    """
     objects: dict[str, list[object]] = {name: [] for name in LAYERS}
     objects["B_Cu"] += regions(copper.plane)
     for side, letter in SIDES.items():
@@ -76,12 +81,17 @@ def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
 
 
 def _repaired(data: bytes) -> bytes:
-    """Repair what strict readers refuse of the library (1.5): G75 without asterisk, G01 with two, the deprecated IP."""
+    """Repair output of gerbonara 1.5 that strict readers refuse: G75 without asterisk, G01 with two, deprecated IP."""
     return data.replace(b"\nG75\n", b"\nG75*\n").replace(b"**\n", b"*\n").replace(b"%IPPOS*%\n", b"")
 
 
 def write_archive(files: dict[str, bytes], path: Path) -> None:
-    """Write the files as one ZIP, as board houses take it; equal files give equal bytes."""
+    """Write the files as one ZIP, the format of board houses; equal files give equal bytes.
+
+    Args:
+        files: by name.
+        path: of the ZIP.
+    """
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         for name, data in files.items():
             info = ZipInfo(name)
@@ -90,7 +100,10 @@ def write_archive(files: dict[str, bytes], path: Path) -> None:
 
 
 def read_archive(path: Path) -> tuple[dict[str, BaseGeometry], list[tuple[float, float, float]]]:
-    """Read a ZIP back.
+    """Read the areas and holes of a ZIP.
+
+    Args:
+        path: of the ZIP.
 
     Returns:
         Area of every layer by its name in :data:`LAYERS` (for ``Edge_Cuts`` the board's face), and the holes as
@@ -118,12 +131,20 @@ def read_archive(path: Path) -> tuple[dict[str, BaseGeometry], list[tuple[float,
 
 
 def regions(shape: BaseGeometry) -> list[Region]:
-    """Gerber regions of a shape; holes are cut open, for a region has none."""
+    """Gerber regions of a shape, cut through its holes, which a region cannot have.
+
+    Args:
+        shape: area, mm.
+    """
     return [Region(list(piece.exterior.coords), unit=MM) for piece in pieces_without_holes(shape)]
 
 
 def pieces_without_holes(shape: BaseGeometry) -> list[Polygon]:
-    """A shape cut through its holes, until none is left."""
+    """Pieces of a shape, cut through its holes until none is left.
+
+    Args:
+        shape: area, mm.
+    """
     return [piece for polygon in polygons(shape) for piece in _unholed(polygon)]
 
 
@@ -140,14 +161,18 @@ def _unholed(polygon: Polygon) -> Iterable[Polygon]:
 
 
 def polygons(shape: BaseGeometry) -> list[Polygon]:
-    """The polygons of a shape, without lines and points."""
+    """The polygons of a shape, without lines and points.
+
+    Args:
+        shape: any geometry.
+    """
     if isinstance(shape, Polygon):
         return [shape] if not shape.is_empty else []
     return [part for part in getattr(shape, "geoms", []) if isinstance(part, Polygon)]
 
 
 def _land(pad: Pad, growth: float) -> Region:
-    """A pad as its rectangle's corners: turned apertures are macros, which programs have turned the wrong way."""
+    """A pad as corners of its rectangle: some programs rotate the macros of rotated apertures the wrong way."""
     grown = replace(pad, width=pad.width + 2 * growth, height=pad.height + 2 * growth)
     return Region(list(grown.shape.exterior.coords), unit=MM)
 
@@ -157,7 +182,11 @@ def _round(centre: tuple[float, float], diameter: float) -> Flash:
 
 
 def covered_area(gerber: GerberFile) -> BaseGeometry:
-    """What a layer covers, dark over clear in the file's order."""
+    """Area of a layer, dark and clear objects applied in the order of the file.
+
+    Args:
+        gerber: the layer.
+    """
     area: BaseGeometry = MultiPolygon()
     batch: list[BaseGeometry] = []
     for item in gerber.objects:

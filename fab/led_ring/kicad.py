@@ -1,9 +1,9 @@
 """The LED ring as a KiCad project (format of KiCad 7): footprints, nets, tracks, holes, ground plane and legend.
 
-Millimetres. KiCad counts y downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y). Every
-footprint is written at its part's centre, turned as in the placement table, so that KiCad's own position file agrees
-with it. As KiCad has it, a pad's place is written in the footprint's turned frame, its turn in the board's. The
-board's layers are those of the Gerber files, not another drawing of them.
+Millimetres. KiCad's y axis points downward, so the endcap's x and y lie at (``ORIGIN_MM`` + x, ``ORIGIN_MM`` - y).
+Every footprint is written at its part's centre, rotated as in the placement table, so that KiCad's own position file
+agrees with it. In KiCad's format a pad's position is in the rotated frame of its footprint, its rotation in that of the
+board. The layers of the board have the same geometry as the Gerber files.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from fab.led_ring.gerber import MASK_GROWTH_MM, PASTE_SHRINK_MM, SIDES, polygons
 from fab.led_ring.schematic import SHEET, identity, schematic_text, value_text
 from fab.led_ring.silk import silk_shape
 
-VERSION = 20221018  # of the format: KiCad 7, and what gerbonara reads
+VERSION = 20221018  # of the format: KiCad 7, which gerbonara reads
 ORIGIN_MM = 100.0
 AREA_MM2 = 0.01  # by which a layer may differ when read back
 LAYERS = (
@@ -50,7 +50,7 @@ def write_project(copper: Copper, led_count: int, folder: Path) -> None:
     (folder / "led_ring.kicad_pcb").write_text(board_text(copper, led_count), encoding="utf-8")
     rules = {"min_clearance": 0.2, "min_copper_edge_clearance": 0.3, "min_track_width": 0.3,
              "min_through_hole_diameter": VIA_DRILL_MM, "min_via_annular_width": 0.15}  # fmt: skip
-    embedded = "ignore"  # symbols and footprints are in the files themselves, in no library
+    embedded = "ignore"  # symbols and footprints are embedded in the files
     content = {
         "board": {"design_settings": {"rules": rules, "rule_severities": {"lib_footprint_issues": embedded}}},
         "erc": {"rule_severities": {"lib_symbol_issues": embedded, "footprint_link_issues": embedded}},
@@ -62,7 +62,12 @@ def write_project(copper: Copper, led_count: int, folder: Path) -> None:
 
 
 def board_text(copper: Copper, led_count: int) -> str:
-    """The board as KiCad's S-expressions."""
+    """The board as KiCad's S-expressions.
+
+    Args:
+        copper: everything on the board.
+        led_count: LEDs in the string.
+    """
     nets = {name: number for number, name in enumerate(netlist(led_count), 1)}
     layers = "\n".join(f'  ({number} "{name}" {kind})' for number, name, kind in LAYERS)
     lines = [
@@ -134,10 +139,11 @@ def _pad(pad: Pad, place: Placement, nets: dict[str, int]) -> str:
 
 
 def turned(x_mm: float, y_mm: float, angle_deg: float) -> tuple[float, float]:
-    """A point turned about the origin.
+    """A point rotated about the origin.
 
     Args:
-        x_mm, y_mm: in KiCad's frame, y downward.
+        x_mm: in KiCad's frame.
+        y_mm: in KiCad's frame, downward.
         angle_deg: counter-clockwise as seen on the screen.
 
     Returns:
@@ -148,7 +154,7 @@ def turned(x_mm: float, y_mm: float, angle_deg: float) -> tuple[float, float]:
 
 
 def _plane(plane: BaseGeometry, net: int) -> str:
-    """The ground plane as a zone; each filled piece is one outline, as KiCad counts pieces as apart that only touch."""
+    """The ground plane as a zone; each filled piece is one outline, as KiCad separates pieces that only touch."""
     turn = [math.radians(a) for a in range(0, 360, 2)]
     edge = [(BOARD_OUTER_RADIUS_MM * math.cos(a), BOARD_OUTER_RADIUS_MM * math.sin(a)) for a in turn]
     fills = "\n".join(f'  (filled_polygon (layer "B.Cu") {_points(keyholed(piece))})' for piece in polygons(plane))
@@ -161,9 +167,9 @@ def _plane(plane: BaseGeometry, net: int) -> str:
 
 
 def keyholed(polygon: Polygon) -> list[tuple[float, float]]:
-    """One outline round a polygon and its holes, each joined to the outline by a slit without width.
+    """One outline round a polygon and its holes, each joined to the outline by a slit of zero width.
 
-    The holes are taken from the right; a slit runs from a hole's rightmost corner along +x to the nearest edge.
+    The holes are processed from the right; a slit runs from a hole's rightmost corner along +x to the nearest edge.
     """
     ring = [(float(x), float(y)) for x, y in polygon.exterior.coords[:-1]]
     holes = [[(float(x), float(y)) for x, y in hole.coords[:-1]] for hole in polygon.interiors]
@@ -188,13 +194,16 @@ def _points(points: Iterable[tuple[float, ...]]) -> str:
 
 
 def read_board(path: Path) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str], str]]:
-    """Read a board back through gerbonara.
+    """Read a board by gerbonara.
+
+    Args:
+        path: of the ``.kicad_pcb``.
 
     Returns:
-        Copper area by layer, and the net of every pin, as the file says.
+        Copper area by layer, and the net of each pin, as in the file.
 
     Raises:
-        FileError: it cannot be read.
+        FileError: the file cannot be read.
     """
     with readable(path, "board"):
         return _areas_and_pins(Board.open(path))
@@ -202,10 +211,11 @@ def read_board(path: Path) -> tuple[dict[str, BaseGeometry], dict[tuple[str, str
 
 @contextmanager
 def readable(path: Path, what: str) -> Iterator[None]:
-    """One line for whatever the reader of KiCad's files raises inside, where a file is damaged.
+    """Turn any error of the reader of KiCad's files, which damaged files cause, into a FileError of one line.
 
     Args:
-        path: of the file. what: it should be, for example ``board``.
+        path: of the file.
+        what: kind of file, for example ``board``.
 
     Raises:
         FileError: the file cannot be read.
@@ -246,11 +256,11 @@ def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[s
 
 
 def kicad_checks(path: Path, layers: dict[str, BaseGeometry], led_count: int) -> list[Check]:
-    """The board as read back is the board of the Gerber files, and its pins are in the nets of the circuit.
+    """Check that the board as read equals that of the Gerber files, and that its pins are in the nets of the circuit.
 
     Args:
         path: of the ``.kicad_pcb``.
-        layers: areas of the Gerber files, as read back.
+        layers: areas of the Gerber files, as read.
         led_count: LEDs in the string.
     """
     areas, pins = read_board(path)

@@ -4,8 +4,8 @@ Millimetres, in the part's own drawing seen from its component side: rectangles 
 is found by the ``package`` of its row in cad/led_parts.csv, its leads by the row's length and width.
 
 Land patterns: SOT-23-6, SOD-123 and chips after IPC-7351 nominal; 3030 and 4018 estimated (E) from the parts' outlines;
-JST SH as its maker draws it (S, eSH; the same as KiCad's JST_SH_SM02B-SRSS-TB), but 0.325 mm shorter at both ends to
-stay on the ring. Seen on the header with its contacts up, contact 1 is the left one.
+JST SH as in its maker's drawing (S, eSH; the same as KiCad's JST_SH_SM02B-SRSS-TB), but 0.325 mm shorter at both ends
+to stay on the ring. Seen on the header with its contacts up, contact 1 is the left one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Rectangle = tuple[float, float, float, float]  # centre x, y, width, height
 
 @dataclass(frozen=True)
 class Lead:
-    """What is soldered of a lead at one end of a part.
+    """Soldered foot of a lead at one end of a part.
 
     Attributes:
         side: -1 at the left end, 1 at the right one.
@@ -43,7 +43,7 @@ def _two(x: float, width: float, height: float) -> dict[str, Rectangle]:
 
 
 def _ends(foot_mm: float) -> dict[str, Lead]:
-    """Leads of a chip: both ends of it."""
+    """Leads of a chip: its two ends."""
     return {"1": Lead(-1, foot_mm, None), "2": Lead(1, foot_mm, None)}
 
 
@@ -82,7 +82,7 @@ LEADS: dict[str, dict[str, Lead]] = {
 HEADER_TAILS: dict[str, Rectangle] = {"1": (-0.5, 1.975, 0.2, 0.6), "2": (0.5, 1.975, 0.2, 0.6)}
 
 
-# What the tracks are drawn for; of these a part's row may name any.
+# Packages for which the tracks are drawn; a part's row may name any of them.
 PACKAGES: dict[str, tuple[str, ...]] = {
     "led": ("3030",),
     "driver": ("SOT-23-6",),
@@ -114,7 +114,7 @@ def lands_of(part: LedPart) -> dict[str, Rectangle]:
 
 
 def leads_of(part: LedPart) -> dict[str, Rectangle]:
-    """What is soldered of a part by pin, from the size in its row.
+    """Soldered ends of the leads of a part by pin, from the size in its row.
 
     Args:
         part: its row of the table, with a package that has a land.

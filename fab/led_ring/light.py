@@ -1,13 +1,13 @@
-"""Light of the LED ring on the inside of the dome: how even is it, for how many LEDs?
+"""Irradiance of the LED ring on the inside of the dome, and its evenness by the number of LEDs.
 
 Endcap frame, millimetres; irradiance in 1/mm2 of the ring's whole flux (multiply by lumens for lumens per mm2).
 
-    direct      E(p) = sum_k  Phi/n  cos(a_k) cos(b_k) / (pi d_k^2)        Lambertian LEDs that look along the axis
+    direct      E(p) = sum_k  Phi/n  cos(a_k) cos(b_k) / (pi d_k^2)        Lambertian LEDs facing along the axis
     scattered   E_s  = rho E_mean / (1 - rho)                              the same everywhere: an integrating sphere
 
 a is the angle at the LED, b at the wall, d the distance; the sum of the scattered orders is that of a closed diffuse
-sphere of reflectance rho (Goebel, Appl. Opt. 6 (1967) 125, doi:10.1364/AO.6.000125). Tall parts between the LEDs shade
-what lies behind them: their envelopes are tested. Left out: the camera's head, gloss, light inside the silicone.
+sphere of reflectance rho (Goebel, Appl. Opt. 6 (1967) 125, doi:10.1364/AO.6.000125). Tall parts between the LEDs cast
+shadows, by their envelopes. Neglected are the camera's head, gloss, and light inside the silicone.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def dome_light(params: EndcapParams, led_count: int = LED_COUNT, reflectance: fl
         reflectance: of the silicone, 0 for direct light alone.
 
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside the range of the board.
     """
     rim = params.view_rim_polar_deg
     polar = np.linspace(0.0, rim, math.ceil(rim / POLAR_STEP_DEG) + 1)
@@ -103,13 +103,17 @@ def dome_light(params: EndcapParams, led_count: int = LED_COUNT, reflectance: fl
 
 
 def led_position_mm(place: Placement) -> np.ndarray:
-    """Middle of an LED's light-emitting face."""
+    """Centre (3,) of an LED's light-emitting face, mm.
+
+    Args:
+        place: of the LED on the board.
+    """
     height = ring_spacer.SEAT_Z_MM + BOARD_THICKNESS_MM + place.part.height_mm
     return np.array([*place.centre_mm, height])
 
 
 def irradiance(source: np.ndarray, wall: np.ndarray, inward: np.ndarray) -> np.ndarray:
-    """Irradiance of one Lambertian source of unit flux that looks along +z.
+    """Irradiance of one Lambertian source of unit flux that faces along +z.
 
     Args:
         source: (3,) mm.
@@ -126,10 +130,12 @@ def irradiance(source: np.ndarray, wall: np.ndarray, inward: np.ndarray) -> np.n
 
 
 def blocked(source: np.ndarray, wall: np.ndarray, body: Placement) -> np.ndarray:
-    """Whether the straight way from a source passes through a part's box: the slab test (...,) in the box's frame.
+    """Whether the line from a source to a point passes through the box of a part: slab test in the box's frame, (...,).
 
     Args:
-        source: (3,) of the light, mm. wall: (..., 3) points that it shines at, mm. body: the part in between.
+        source: (3,) position of the light, mm.
+        wall: (..., 3) points that are lit, mm.
+        body: the part in between.
     """
     angle = math.radians(-body.rotation_deg)
     turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
@@ -150,11 +156,13 @@ def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None
     """Refuse a ring whose light is too uneven where the dome lies near it.
 
     Args:
-        light: of this ring. params: the endcap that it lights. led_count: its LEDs.
+        light: of this ring.
+        params: the endcap that it lights.
+        led_count: LEDs in the string.
 
     Raises:
-        ParameterError: the light swings too much; the message names how many LEDs do not, or, where all that the ring
-            takes do, what else helps.
+        ParameterError: the light varies too much; the message names a sufficient number of LEDs or, where the ring has
+            no room for it, another remedy.
     """
     if light.ripple <= RIPPLE:
         return
@@ -173,7 +181,11 @@ def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None
 
 
 def light_checks(light: DomeLight) -> list[Check]:
-    """Evenness of the light that the camera sees."""
+    """Check the evenness of the light that the camera sees.
+
+    Args:
+        light: on the dome.
+    """
     return [
         Check("ring.light_ripple", light.ripple, high=RIPPLE),
         Check("ring.light_darkest", light.darkest, low=DARKEST),

@@ -1,4 +1,4 @@
-"""Pictures of the LED ring: the board as its fabrication files say, and its light on the dome."""
+"""Pictures of the LED ring: the board from its fabrication files, and its light on the dome."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ DPI = 100
 
 
 def draw_board(layers: Layers, holes: Holes, places: Sequence[Placement], path: Path) -> None:
-    """Draw both sides, each as it is seen from outside, and the driver enlarged with its parts named.
+    """Draw both sides, each seen from outside, and the driver enlarged with the names of its parts.
 
     Args:
-        layers: areas by layer, mm. holes: (x, y, diameter) each, mm. places: parts of the board. path: of the file.
+        layers: areas by layer, mm.
+        holes: (x, y, diameter) of each, mm.
+        places: parts of the board.
+        path: of the file.
     """
     from matplotlib.figure import Figure
 
@@ -55,7 +58,9 @@ def draw_light(light: DomeLight, label: str, path: Path) -> None:
     """Draw the light over the visible dome, seen along the axis (radius is the polar angle).
 
     Args:
-        light: on the dome. label: first words of the title. path: of the file.
+        light: on the dome.
+        label: first words of the title.
+        path: of the file.
     """
     from matplotlib.figure import Figure
     from matplotlib.patheffects import withStroke
@@ -69,7 +74,7 @@ def draw_light(light: DomeLight, label: str, path: Path) -> None:
     dome.set_title(f"{label}: darkest {light.darkest:.2f}, brightest {light.brightest:.2f} of the mean", fontsize=10)
     dome.set_xticklabels([])
     dome.tick_params(axis="y", labelsize=8)
-    for degrees in dome.get_yticklabels():  # over dark and bright colours alike
+    for degrees in dome.get_yticklabels():  # readable on dark and bright colours
         degrees.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
     curve = figure.add_subplot(1, 2, 2)
     for name, field in (("with scattered light", light.total), ("direct", light.direct)):

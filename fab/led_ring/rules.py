@@ -1,4 +1,4 @@
-"""Design rules of the LED ring, checked on the fabrication files as read back: nets, clearances, edges, holes, legend.
+"""Design rule check of the LED ring on its fabrication files: nets, clearances, edges, holes, legend.
 
 Millimetres. The nets are found from copper and plated holes alone and compared with the circuit: one island of copper
 for each net, one net for each island. The limits are those of a plain two-layer board (0.15 mm, edge 0.3 mm), with some
@@ -41,12 +41,12 @@ Holes = Sequence[tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Island:
-    """Copper that hangs together on one side.
+    """Connected copper on one side.
 
     Attributes:
         side: ``top`` or ``bottom``.
         shape: its area.
-        node: number of the conductor it belongs to, through plated holes.
+        node: number of its conductor, which plated holes continue on the other side.
     """
 
     side: str
@@ -55,10 +55,11 @@ class Island:
 
 
 def rule_checks(layers: Layers, holes: Holes, pads: Sequence[Pad], places: Sequence[Placement]) -> list[Check]:
-    """All design rules.
+    """Check all design rules.
 
     Args:
-        layers, holes: as read back.
+        layers: areas by layer, as read, mm.
+        holes: (x, y, diameter) of each, as read, mm.
         pads: lands with the nets they should be on.
         places: parts with their envelopes.
     """
@@ -80,7 +81,12 @@ def rule_checks(layers: Layers, holes: Holes, pads: Sequence[Pad], places: Seque
 
 
 def conductors(layers: Layers, holes: Holes) -> list[Island]:
-    """Islands of copper on both sides, numbered by the conductor that plated holes join them to."""
+    """Islands of copper on both sides, numbered by conductor; plated holes join islands.
+
+    Args:
+        layers: areas by layer, mm.
+        holes: (x, y, diameter) of each, mm.
+    """
     shapes = [(side, part) for side, name in (("top", "F_Cu"), ("bottom", "B_Cu")) for part in _parts(layers[name])]
     tree = STRtree([part for _, part in shapes])
     parent = list(range(len(shapes)))
@@ -99,7 +105,12 @@ def conductors(layers: Layers, holes: Holes) -> list[Island]:
 
 
 def net_checks(islands: Sequence[Island], pads: Sequence[Pad]) -> list[Check]:
-    """Every net one conductor, every conductor one net, no copper without a net."""
+    """Check that each net is one conductor, each conductor one net, and that no copper is without a net.
+
+    Args:
+        islands: copper of both sides.
+        pads: lands with their nets.
+    """
     nodes: dict[str, set[int]] = {}
     for pad in pads:
         spot = pad.shape.buffer(-0.05)
@@ -117,7 +128,11 @@ def net_checks(islands: Sequence[Island], pads: Sequence[Pad]) -> list[Check]:
 
 
 def least_clearance_mm(islands: Sequence[Island]) -> float:
-    """Least gap between two conductors on one side; 0 where their islands touch."""
+    """Least gap between two conductors on one side, mm; 0 where their islands touch.
+
+    Args:
+        islands: copper of both sides.
+    """
     return min(
         (a.shape.distance(b.shape) for a, b in combinations(islands, 2) if a.side == b.side and a.node != b.node),
         default=math.inf,
@@ -125,7 +140,12 @@ def least_clearance_mm(islands: Sequence[Island]) -> float:
 
 
 def edge_distance_mm(shape: BaseGeometry, face: BaseGeometry) -> float:
-    """Distance of copper from the board's edge; negative (as far as it sticks out) beyond it."""
+    """Distance of copper from the board's edge, mm; negative where it extends beyond the edge.
+
+    Args:
+        shape: area of the copper, mm.
+        face: area of the board, mm.
+    """
     outside = shape - face
     if not outside.is_empty:
         return -outside.hausdorff_distance(face.boundary)
@@ -133,10 +153,12 @@ def edge_distance_mm(shape: BaseGeometry, face: BaseGeometry) -> float:
 
 
 def hole_checks(layers: Layers, holes: Holes, face: BaseGeometry) -> list[Check]:
-    """Drill size, copper round every hole on both sides, distance from the edge and from each other.
+    """Check each hole: drill size, copper round it on both sides, distance from the edge and from other holes.
 
     Args:
-        layers: areas by layer, mm. holes: (x, y, diameter) each, mm. face: area of the board, mm.
+        layers: areas by layer, mm.
+        holes: (x, y, diameter) of each, mm.
+        face: area of the board, mm.
     """
     rims, edges = [], []
     for x, y, diameter in holes:
@@ -155,7 +177,12 @@ def hole_checks(layers: Layers, holes: Holes, face: BaseGeometry) -> list[Check]
 
 
 def legend_checks(layers: Layers, pads: Sequence[Pad]) -> list[Check]:
-    """Mask: every land open, a web between two openings; ink on no land and not over the edge."""
+    """Check solder mask and legend: lands open, webs between openings, no ink on a land or beyond the edge.
+
+    Args:
+        layers: areas by layer, mm.
+        pads: lands of the board.
+    """
     webs, inked, covered = [], 0.0, 0.0
     for side, letter in (("top", "F"), ("bottom", "B")):
         openings = _parts(layers[f"{letter}_Mask"])
@@ -172,16 +199,21 @@ def legend_checks(layers: Layers, pads: Sequence[Pad]) -> list[Check]:
 
 
 def least_part_gap_mm(places: Sequence[Placement]) -> float:
-    """Least gap between the envelopes of two parts on one side; 0 where they overlap."""
+    """Least gap between the envelopes of two parts on one side, mm; 0 where they overlap.
+
+    Args:
+        places: parts of the board.
+    """
     bodies = [(place.side, envelope(place)) for place in places]
     return min((a.distance(b) for (s, a), (t, b) in combinations(bodies, 2) if s == t), default=math.inf)
 
 
 def lead_checks(pads: Sequence[Pad], places: Sequence[Placement]) -> list[Check]:
-    """Every lead lies whole on its own land, and no land is that of a larger part.
+    """Check that each lead lies entirely on its land, and that no land belongs to a larger part.
 
     Args:
-        pads: lands of the board. places: parts, whose rows of the table give the leads.
+        pads: lands of the board.
+        places: parts, whose rows of the table give the leads.
     """
     lands = {(pad.reference, pad.pin): pad.shape for pad in pads}
     off_mm2, beyond_mm = 0.0, 0.0
@@ -199,13 +231,21 @@ def lead_checks(pads: Sequence[Pad], places: Sequence[Placement]) -> list[Check]
 
 
 def envelope(place: Placement) -> Polygon:
-    """Outline of a part's body and leads on the board."""
+    """Outline of a part's body and leads on the board, mm.
+
+    Args:
+        place: of the part.
+    """
     x, y = place.part.length_mm / 2, place.part.width_mm / 2
     return translate(rotate(box(-x, -y, x, y), place.rotation_deg, origin=(0, 0)), *place.centre_mm)
 
 
 def plug_outside_notch_mm2(pads: Sequence[Pad]) -> float:
-    """Area of the bottom's solder that would lie on the spacer: the board must rest flat beside its notch."""
+    """Area of solder on the bottom that would lie on the spacer, mm2: the board must rest flat beside its notch.
+
+    Args:
+        pads: lands of the board.
+    """
     half = ring_spacer.NOTCH_WIDTH_MM / 2
     notch = box(-half, 0.0, half, ring_spacer.NOTCH_OUTER_RADIUS_MM)
     notch = rotate(notch, ring_spacer.NOTCH_AZIMUTH_DEG - 90.0, origin=(0, 0))
@@ -214,7 +254,7 @@ def plug_outside_notch_mm2(pads: Sequence[Pad]) -> float:
 
 
 def _lost(shape: BaseGeometry) -> float:
-    """Copper thinner than the least width."""
+    """Copper narrower than the least width, mm2."""
     half = WIDTH_MM / 2
     return float((shape - shape.buffer(-half, join_style="mitre").buffer(half, join_style="mitre")).area)
 

@@ -1,6 +1,6 @@
 """The LED ring's schematic in KiCad's format 7: symbols on one A4 sheet, wires, and a label on every net.
 
-Millimetres on KiCad's grid of 1.27, y downward on the sheet and upward inside a symbol. Nothing is turned, so a pin
+Millimetres on KiCad's grid of 1.27, y downward on the sheet and upward inside a symbol. No symbol is rotated, so a pin
 lies at (x of its symbol + x, y of its symbol - y). Every net has a global label, so its name is that of the circuit and
 of the board; symbols and the board's footprints share reference, value, footprint and :func:`identity`.
 """
@@ -29,7 +29,9 @@ class SymbolPin:
     """One pin of a symbol.
 
     Attributes:
-        number, name: of the pin. at: where a wire meets it. turn_deg: from there into the symbol (0 is to the right).
+        number, name: of the pin.
+        at: end of the pin, where a wire meets it.
+        turn_deg: direction from there into the symbol (0 is to the right).
         kind: KiCad's electrical type.
     """
 
@@ -42,12 +44,14 @@ class SymbolPin:
 
 @dataclass(frozen=True)
 class Symbol:
-    """How a kind of part is drawn.
+    """Symbol of a kind of part.
 
     Attributes:
-        name: in the library ``endcap``. lines: polylines. pins: of it.
-        texts: where reference and value stand. justify: towards which side they are set.
-        shows_pins: with names and numbers, round a filled box.
+        name: in the library ``endcap``.
+        lines, pins: of the symbol.
+        texts: positions of reference and value.
+        justify: alignment of the two.
+        shows_pins: whether names and numbers of the pins are drawn, round a filled box.
     """
 
     name: str
@@ -109,12 +113,12 @@ SYMBOLS = {
 
 
 def identity(reference: str) -> str:
-    """UUID of a part's symbol, the same in every ring: what ties a footprint of the board to it."""
+    """UUID of a part's symbol, the same in every ring, which links its footprint on the board to it."""
     return str(uuid.uuid5(SHEET, reference))
 
 
 def value_text(part: LedPart) -> str:
-    """What stands beside the symbol: the rating of what is chosen by its rating, else the part number."""
+    """Value beside the symbol: the rating of a part that is chosen by its rating, otherwise the part number."""
     if part.unit not in ("F", "H", "ohm"):
         return part.part_number
     scale, prefix = next(row for row in PREFIXES if part.value >= row[0] * (1 - 1e-9))
@@ -128,7 +132,7 @@ def schematic_text(led_count: int) -> str:
         led_count: LEDs in the string.
 
     Raises:
-        ParameterError: LED count outside what the board takes.
+        ParameterError: LED count outside the range of the board.
     """
     places = placements(led_count)
     led = next(place.part.part_number for place in places if place.kind == "led")
@@ -155,7 +159,7 @@ def schematic_text(led_count: int) -> str:
 
 
 def _place_of(reference: str) -> Point:
-    """Where a part's symbol stands on the sheet."""
+    """Position of a part's symbol on the sheet."""
     if reference.startswith("LED"):
         return STRING_X_MM + STRING_STEP_MM * (int(reference[3:]) - 1), TOP_Y_MM
     return {
@@ -228,7 +232,7 @@ def _library_symbol(symbol: Symbol) -> str:
 
 
 def _reach(symbol: Symbol, pin: SymbolPin) -> float:
-    """From a pin to what is drawn, along the pin: to the box, or to the lines of a two-pin part."""
+    """Length of a pin up to the drawing: the box, or the lines of a two-pin part, mm."""
     if symbol.shows_pins:
         return 2.54
     along = 0 if pin.turn_deg in (0, 180) else 1
@@ -238,7 +242,7 @@ def _reach(symbol: Symbol, pin: SymbolPin) -> float:
 def _instance(place: Placement, at: Point) -> str:
     symbol, reference = SYMBOLS[place.kind], place.reference
     beside = [(at[0] + x, at[1] - y) for x, y in symbol.texts]
-    is_led = place.kind == "led"  # all alike: named in the note
+    is_led = place.kind == "led"  # all equal: given in the note
     shown = [
         f'  (property "Reference" "{reference}" (at {_xy(beside[0])} 0) {_effects(symbol.justify)})',
         f'  (property "Value" "{value_text(place.part)}" (at {_xy(beside[1])} 0) {_effects(symbol.justify, is_led)})',

@@ -1,4 +1,4 @@
-"""The ring's schematic as read back: which pins its wires and labels connect, and which symbol is whose footprint."""
+"""Check of the ring's schematic file: pins connected by its wires and labels, and footprint of each symbol."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ Point = tuple[float, float]
 
 
 def schematic_checks(schematic: Path, board: Path, led_count: int) -> list[Check]:
-    """The schematic has the nets of the circuit, and every footprint of the board is tied to its own symbol.
+    """Check that the schematic has the nets of the circuit, and that each footprint is linked to its own symbol.
 
     Args:
-        schematic: the ``.kicad_sch``. board: the ``.kicad_pcb``. led_count: LEDs in the string.
+        schematic: path of the ``.kicad_sch``.
+        board: path of the ``.kicad_pcb``.
+        led_count: LEDs in the string.
 
     Raises:
         FileError: one of them cannot be read.
@@ -42,7 +44,7 @@ def schematic_checks(schematic: Path, board: Path, led_count: int) -> list[Check
 
 
 def _same(symbol: SymbolInstance, footprint: object) -> bool:
-    """Whether a footprint of the board is that of a symbol: reference, value and library name."""
+    """Whether a footprint belongs to a symbol, by reference, value and library name."""
     if footprint is None:
         return False
     texts = {text.type: text.text for text in footprint.texts}  # type: ignore[attr-defined]
@@ -51,10 +53,10 @@ def _same(symbol: SymbolInstance, footprint: object) -> bool:
 
 
 def read_schematic(path: Path) -> tuple[dict[Pin, str], list[SymbolInstance]]:
-    """Net of every pin, found from places alone as KiCad does, and the symbols.
+    """Net of each pin, found from positions alone as KiCad does, and the symbols.
 
-    A wire connects what stands at its two ends; what stands on its middle is not counted, for KiCad 9 connects no more
-    than the first there. Labels of one name are one net.
+    A wire connects the items at its two ends; items along it are ignored, as KiCad 9 connects only the first of them.
+    Labels of one name are one net.
 
     Args:
         path: of the ``.kicad_sch``.
@@ -88,7 +90,7 @@ def _pins(sheet: Schematic, symbol: SymbolInstance) -> list[tuple[str, Point]]:
 
 
 def _groups(ends: Sequence[Sequence[Point]]) -> list[int]:
-    """Number of the connected group of each thing, by the places where it can be connected."""
+    """Number of the connected group of each item, by the positions where it can be connected."""
     joined = [any(_near(a, b) for a in these for b in those) for these in ends for those in ends]
     square = csr_matrix(np.array(joined, bool).reshape(len(ends), len(ends)))
     return [int(group) for group in connected_components(square, directed=False)[1]]

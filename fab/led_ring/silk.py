@@ -1,4 +1,4 @@
-"""Legend of the LED ring: names of the parts, polarity, plug pins; kept off every solderable area. Millimetres."""
+"""Legend of the LED ring: names of the parts, polarity, plug pins, clear of every solderable area. Millimetres."""
 
 from __future__ import annotations
 
@@ -31,7 +31,12 @@ WORDS = (
 
 
 def silk_shape(copper: Copper, side: str) -> BaseGeometry:
-    """Area of the ink on one side: words, a bar at each cathode, a dot at pin 1."""
+    """Area of the ink on one side: words, a bar at each cathode, a dot at pin 1.
+
+    Args:
+        copper: of the board.
+        side: ``top`` or ``bottom``.
+    """
     shapes = [word(text, s, t, side) for text, s, t, where in WORDS if where == side]
     for pad in copper.pads:
         if pad.side != side:
@@ -54,7 +59,10 @@ def word(text: str, s_mm: float, t_mm: float, side: str) -> BaseGeometry:
     """A word's filled letters, readable with the radius up.
 
     Args:
-        text: the word. s_mm, t_mm: unrolled place of its middle. side: ``top`` or ``bottom`` (mirrored).
+        text: the word.
+        s_mm: unrolled position of its centre along the circle.
+        t_mm: unrolled position of its centre along the radius.
+        side: ``top`` or ``bottom`` (mirrored).
     """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath

@@ -1,4 +1,4 @@
-"""`python -m fab.slice D=130 T=8`: projects for PrusaSlicer and OrcaSlicer, sliced, read back and gated."""
+"""Command `python -m fab.slice D=130 T=8`: projects for PrusaSlicer and OrcaSlicer, sliced, read back and checked."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _act(options: dict[str, str], interrupts: Interrupts) -> int:
 
 @dataclass(frozen=True)
 class SliceOptions:
-    """How an export is sliced.
+    """Options of slicing an export.
 
     Attributes:
         printer: on which it is printed.
@@ -99,20 +99,22 @@ class SliceOptions:
     use_cache: bool = True
 
 
-def slice_design(slicer: str, export: Export, how: SliceOptions, ask: Callable[[], None] = lambda: None) -> int:
+def slice_design(
+    slicer: str, export: Export, how: SliceOptions, check_interrupt: Callable[[], None] = lambda: None
+) -> int:
     """Slice an exported design.
 
     Args:
         slicer: PrusaSlicer's program.
-        export: as read.
+        export: folder of `make molds`, as read.
         how: printer, plates and parts.
-        ask: raises where the command was interrupted and a library swallowed that.
+        check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
 
     Raises:
-        ChecksFailedError: a gate did not hold; nothing is left.
+        ChecksFailedError: a check failed; nothing is left.
         FileError: a file cannot be read or written.
         ParameterError: a part does not fit the printer's bed.
     """
@@ -127,13 +129,15 @@ def slice_design(slicer: str, export: Export, how: SliceOptions, ask: Callable[[
     if how.parts != "all":
         with tempfile.TemporaryDirectory(prefix="slice-") as scratch:
             plates = single_plates(names)
-            checks = _sliced_and_gated(slicer, export, plates, Path(scratch), replace(how, keep_gcode=False), ask)[1]
+            checks = _sliced_and_gated(
+                slicer, export, plates, Path(scratch), replace(how, keep_gcode=False), check_interrupt
+            )[1]
         label = export.variant.label
         show(f"{label}: {len(names)} of {len(known)} parts, all {len(checks)} gates held; nothing was written")
         return 0
-    plates = _side_by_side(export, how.printer, ask) if how.is_nested else single_plates(names)
-    with whole_folder(export.folder / FOLDER, RECORD, ask) as folder:
-        results, checks = _sliced_and_gated(slicer, export, plates, folder, how, ask)
+    plates = _side_by_side(export, how.printer, check_interrupt) if how.is_nested else single_plates(names)
+    with whole_folder(export.folder / FOLDER, RECORD, check_interrupt) as folder:
+        results, checks = _sliced_and_gated(slicer, export, plates, folder, how, check_interrupt)
         write_record(folder, RECORD, _record(slicer, export, how.printer, results, checks))
     kept = sum(result.is_kept for result in results)
     words = f" ({kept} unchanged, from the cache)" if kept else ""
@@ -157,24 +161,29 @@ def _record(
     }
 
 
-def _side_by_side(export: Export, where: Printer, ask: Callable[[], None]) -> list[Plate]:
-    """Plates with as many parts as fit."""
+def _side_by_side(export: Export, where: Printer, check_interrupt: Callable[[], None]) -> list[Plate]:
+    """Nest the parts on plates."""
     from fab.slice.projects import nested_plates
 
-    with Progress(ask) as progress:
+    with Progress(check_interrupt) as progress:
         progress("parts side by side on plates")
         return nested_plates(export, where)
 
 
 def _sliced_and_gated(
-    slicer: str, export: Export, plates: Sequence[Plate], folder: Path, how: SliceOptions, ask: Callable[[], None]
+    slicer: str,
+    export: Export,
+    plates: Sequence[Plate],
+    folder: Path,
+    how: SliceOptions,
+    check_interrupt: Callable[[], None],
 ) -> tuple[list[SliceResult], list[Check]]:
-    """Slice side by side, print the summary, and stop where a gate did not hold."""
+    """Slice the plates in parallel, print the summary, and raise if a check failed."""
     from fab.slice.projects import GYROID
     from fab.slice.result import summary
 
     first = sorted(plates, key=lambda plate: plate.name != GYROID)  # the longest, which one process would end alone
-    with Progress(ask) as progress, worker_pool(WORKERS) as workers:
+    with Progress(check_interrupt) as progress, worker_pool(WORKERS) as workers:
         pending = {plate.name: workers.submit(_timed, slicer, export, plate, folder, how) for plate in first}
         results = []
         for done, plate in enumerate(plates):
@@ -189,7 +198,7 @@ def _sliced_and_gated(
 
 
 def _timed(slicer: str, export: Export, plate: Plate, folder: Path, how: SliceOptions) -> tuple[SliceResult, float]:
-    """Work of one process, and the seconds that it took."""
+    """Result of one plate, and the seconds that it took."""
     began = time.monotonic()
     result = _slice_one(slicer, export, plate, folder, how)
     return result, time.monotonic() - began

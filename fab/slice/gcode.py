@@ -1,11 +1,12 @@
-"""G-code as a printer will run it: every extruding move with its volume, not what the slicer says of itself.
+"""Reader of G-code as a printer runs it: each extruding move with its volume, independent of the slicer's summary.
 
 Millimetres, millimetres of filament, seconds; plate coordinates. Understood are the moves G0 and G1, relative and
 absolute positions and filament (G90, G91, M82, M83, G92), and PrusaSlicer's comments ``;LAYER_CHANGE``, ``;Z:``,
 ``;TYPE:``, ``;WIDTH:`` and ``;HEIGHT:``. Arcs (G2, G3) are refused: their volume would be lost.
 
 Notes:
-    The trailer repeats the settings of the part, never those of its volumes; what a volume got shows only in the moves.
+    The trailer repeats the settings of the part, never those of its volumes; the moves alone show how a volume is
+    filled.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ class Moves:
         top_mm: (n,) height of the nozzle: the top of the line.
         height_mm: (n,) height of the line.
         width_mm: (n,) width of the line.
-        volume_mm3: (n,) plastic pushed out.
+        volume_mm3: (n,) extruded volume.
         layer: (n,) number of the layer, from 0.
         path: (n,) number of the unbroken line that the move belongs to.
         kind: (n,) index into ``kinds``.
         kinds: the slicer's names, for example ``External perimeter``.
         layer_tops_mm: height of every layer that was announced, with or without moves.
-        piece: (n,) index into ``pieces``, -1 for what belongs to none: brim, start.
+        piece: (n,) index into ``pieces``, -1 for moves of no part, such as brim and start.
         pieces: names of the parts on the plate, as the slicer marks them.
         slicer_time_s: printing time as the slicer estimates it, with accelerations.
         slicer_grams: grams as the slicer states them; NaN where it does not.
@@ -69,24 +70,31 @@ class Moves:
         return np.linalg.norm(self.end - self.start, axis=1)
 
     def piece_shares(self) -> dict[str, float]:
-        """Fraction of the plastic that every part on the plate takes; brims go with their parts in proportion."""
+        """Fraction of the plastic in each part of the plate; brims are divided in proportion."""
         volumes = {name: float(self.volume_mm3[self.piece == number].sum()) for number, name in enumerate(self.pieces)}
         total = sum(volumes.values())
         return {name: volume / total for name, volume in volumes.items()} if total else {}
 
     @property
     def is_part(self) -> np.ndarray:
-        """(n,) whether a move makes the part: neither brim nor support."""
+        """(n,) whether a move belongs to a part, and not to brim or support."""
         other = [index for index, name in enumerate(self.kinds) if name in NOT_PART]
         return ~np.isin(self.kind, other)
 
     def pick(self, mask: np.ndarray) -> Moves:
-        """Some of the moves."""
+        """Some of the moves.
+
+        Args:
+            mask: (n,) whether a move is kept.
+        """
         columns = ("start", "end", "top_mm", "height_mm", "width_mm", "volume_mm3", "layer", "path", "kind", "piece")
         return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def points(self, spacing_mm: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points along the moves, at most a spacing apart, both ends included.
+        """Points along the moves, both ends included.
+
+        Args:
+            spacing_mm: largest distance between two points of a move.
 
         Returns:
             ``(points (m, 2), move number (m,))``.
@@ -99,7 +107,10 @@ class Moves:
 
 
 def read_gcode(path: Path) -> Moves:
-    """Read a print.
+    """Read the extruding moves of a file.
+
+    Args:
+        path: of the G-code.
 
     Raises:
         FileError: the file cannot be read, has arcs, or extrudes nothing.
@@ -117,7 +128,7 @@ def read_gcode(path: Path) -> Moves:
 
 
 class _Reader:
-    """State of a printer while it reads, and the rows it has seen."""
+    """State of a printer that runs G-code, and the rows of moves so far."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -132,10 +143,13 @@ class _Reader:
         self.piece = -1
 
     def line(self, line: str) -> None:
-        """Take one line: move, change of state, or comment of the slicer.
+        """Process one line: move, change of state, or comment of the slicer.
+
+        Args:
+            line: of the file.
 
         Raises:
-            FileError: it is an arc (G2, G3).
+            FileError: the line is an arc (G2, G3).
         """
         if line.startswith(("G1 ", "G0 ")):
             self._move(line)
@@ -153,7 +167,12 @@ class _Reader:
             raise FileError(f"{self.name}: has arcs (G2, G3), which are not read: switch arc fitting off in the slicer")
 
     def moves(self, time_s: float, grams: float) -> Moves:
-        """All rows as columns."""
+        """The rows as columns.
+
+        Args:
+            time_s: printing time as the slicer estimates it.
+            grams: of plastic as the slicer states them.
+        """
         table = np.array(self.rows)
         return Moves(
             table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5], table[:, 6], table[:, 7] * _AREA_MM2,
@@ -196,7 +215,7 @@ class _Reader:
             self.tops.append(float(line[3:]))
 
     def _label(self, line: str) -> None:
-        """Where a part begins or ends: ``; printing object NAME id:0 copy 0``."""
+        """Process the mark of a part's begin or end: ``; printing object NAME id:0 copy 0``."""
         found = re.match(r"; printing object (.+?) id:\d+ copy \d+", line)
         self.piece = self.pieces.setdefault(found[1], len(self.pieces)) if found else -1
 

@@ -1,4 +1,4 @@
-"""How far the outlines of the explicit gyroid are moved out, so that its print holds as much plastic as its mesh.
+"""Offset of the outlines of the explicit gyroid for which the print has the volume of the mesh.
 
 A printed line has round sides: it holds as much as a sheet that is narrower by ROUNDING_MM. With outlines moved out by
 half of that, a long sheet alone would be right. On the G-code of 19 interfaces (bench/slice_growth.csv: D 99.82 to 250,
@@ -19,10 +19,11 @@ PER_MM = 3.59  # M, GYR08: 9.233 % without growth, 10.004 % with 0.0215 mm (benc
 
 
 def growth_mm(zone_mm: float, fraction: float) -> float:
-    """By how much every outline is moved outward.
+    """Outward offset of each outline, mm.
 
     Args:
-        zone_mm: thickness of the gyroid's zone, from its inner to its outer surface. fraction: of TPU in it.
+        zone_mm: thickness of the gyroid's zone, from its inner to its outer surface, mm.
+        fraction: of TPU in the zone.
     """
     excess = BULK + CROSSING * fraction - END_MM / zone_mm
     return ROUNDING_MM / 2 - excess / PER_MM

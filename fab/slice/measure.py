@@ -1,7 +1,7 @@
-"""What the moves of a print say: grams, cost, empty layers, lines that start on air, filling and openness of the zone.
+"""Figures of a print from its moves: grams, cost, empty layers, unsupported starts, and the zone's infill and openness.
 
-Millimetres; plate coordinates, the part's axis on the middle of the bed, z from the bed. Every number here is taken
-from :class:`fab.slice.gcode.Moves`, none from the slicer's own summary.
+Millimetres; plate coordinates, the part's axis on the middle of the bed, z from the bed. Every number is
+computed from :class:`fab.slice.gcode.Moves`; time alone is the slicer's estimate.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class PrintFigures:
     """Figures of one print.
 
     Attributes:
-        time_s: the slicer's estimate, which knows accelerations.
-        grams: plastic pushed out, brim and support included.
+        time_s: the slicer's estimate, which includes accelerations.
+        grams: extruded plastic, brim and support included.
         cost_usd: at the filament's price.
         layers: layers announced.
         empty_layers: gaps in the part's height where nothing of it is printed.
@@ -76,7 +76,7 @@ def print_figures(moves: Moves, filament: Filament, where: Printer | None = None
 
     Args:
         moves: of the print.
-        filament: what is pushed out.
+        filament: that is extruded.
         where: the printer; by default any with a 256 mm bed.
     """
     where = where or printer()
@@ -103,7 +103,7 @@ def print_figures(moves: Moves, filament: Filament, where: Printer | None = None
 
 
 def empty_layers(moves: Moves) -> int:
-    """Heights at which the part is interrupted: a layer of it that does not begin where the one below ended.
+    """Number of heights at which the part is interrupted: a layer does not begin where the one below ends.
 
     Layers of support alone lie between the part's own; they are no gaps.
     """
@@ -115,12 +115,12 @@ def empty_layers(moves: Moves) -> int:
 
 
 def floating_starts(moves: Moves) -> np.ndarray:
-    """Where a line of the part starts with plastic neither just below nor beside it: (n, 3) plate points.
+    """Starts of lines with plastic neither just below nor beside them: (n, 3) plate points, mm.
 
     Below is up to the line's own underside, not the layer before: supports of one part have layers of their own height,
     at which the others on the plate print nothing.
-    Infill between walls is left out: over sparse infill it bridges, and nobody sees it. In layers without walls the
-    infill is the part, and counts.
+    Infill between walls is left out: it bridges over sparse infill, inside the part. In layers without walls the infill
+    is the part, and is included.
     """
     points, move = moves.points(PIXEL_MM)
     layer = moves.layer[move]

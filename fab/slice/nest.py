@@ -1,4 +1,4 @@
-"""Parts side by side on as few plates as a greedy search finds: outlines as pixels, largest part first, lowest place.
+"""Greedy nesting of parts on plates: outlines as pixels, largest part first, lowest free place.
 
 Millimetres. The outline of a part is its shadow on the bed, holes and hollows included, widened by brim and gap, so a
 small part may lie inside a ring or in the hollow of an arc. The same parts give the same plates.
@@ -22,13 +22,13 @@ from fab.slice.printers import Printer, fitting_turn_deg, turned
 PIXEL_MM = 1.0
 GAP_MM = 3.0  # between two parts, brims included
 EDGE_MM = 2.0  # from a brim to the edge of the bed, and to what the printer excludes of it
-_EDGE_MM = EDGE_MM - GAP_MM / 2  # what the widened shadow of a part still keeps
+_EDGE_MM = EDGE_MM - GAP_MM / 2  # distance of a widened outline from the edge
 TURN_STEP_DEG = 15.0
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a part lies.
+    """Pose of a part on its plate.
 
     Attributes:
         name: of the part.
@@ -161,7 +161,7 @@ def _alone(rings: Sequence[np.ndarray], where: Printer) -> tuple[float, float, f
 def _put(
     name: str, found: tuple[float, float, float], rings: Sequence[np.ndarray], brim_mm: float, taken: np.ndarray
 ) -> Place:
-    """Mark a place as taken."""
+    """Mark the pixels of a part as taken, and return its place."""
     degrees, x, y = found
     mask, low = _turned_mask(rings, degrees, brim_mm + GAP_MM / 2)
     left, bottom = (round(float(v)) for v in (low + np.array([x, y])) / PIXEL_MM)
@@ -172,12 +172,12 @@ def _put(
 
 
 def _trimmed(mask: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns that hold something."""
+    """Ranges of rows and columns that contain a pixel of the part."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def _centred(place: Place, where: Printer) -> Place:
-    """A place counted from the middle of the bed."""
+    """Place relative to the middle of the bed."""
     x, y = where.middle_mm
     return Place(place.name, place.turn_deg, (place.place_mm[0] - x, place.place_mm[1] - y))

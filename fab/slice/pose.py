@@ -1,4 +1,4 @@
-"""How each part lies on the printer's bed: its side down, turned if it must be, in the middle. Millimetres.
+"""Printing pose of each part: side down, rotated if necessary, in the middle of the bed. Millimetres.
 
 cup_bowl      dome-down, on the foot it also stands on when poured: the cavity needs no support
 core          neck-down; the ramp over the bore, 60 degrees from upright, is propped from the bed

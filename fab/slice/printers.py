@@ -1,4 +1,4 @@
-"""Printers: rows of ``printers.csv`` with bed, nozzle, how they level, and the names of their presets in both slicers.
+"""Printers: rows of ``printers.csv`` with bed, nozzle, levelling, and the names of their presets in both slicers.
 
 Millimetres. The start is home, level, heat; the printer's own preset may do more (purge, resonance, flow), and is the
 better start where the slicer has it: the projects carry its name.
@@ -33,7 +33,7 @@ class Printer:
 
     Attributes:
         name: as typed, for example ``mk4``.
-        title: what it is called.
+        title: name of the product.
         width_mm, depth_mm, height_mm: printing space along x, y, z.
         exclude_mm: rectangle of the bed on which nothing may be printed; ``None`` for most.
         nozzle_mm: diameter of the nozzle.
@@ -128,7 +128,7 @@ def printer_words(name: str) -> str:
 
 
 def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
-    """Turn about the vertical in which a part lies on a bed with its margin, none if it can be; ``None``: it does not.
+    """Rotation about the vertical in which a part fits a bed with its margin, deg, 0 if possible; ``None`` if none.
 
     Args:
         points: (n, 3) its corners in the printing pose, mm.
@@ -152,7 +152,7 @@ def fitting_turn_deg(points: np.ndarray, where: Printer) -> float | None:
 
 
 def room_left_mm(points: np.ndarray, where: Printer) -> float:
-    """Least room between a part with its margin and what the printer reaches, in its best turn; below 0 too little.
+    """Least gap between a part with its margin and the printing space in its best rotation, mm; negative: too large.
 
     Args:
         points: (n, 3) its corners in the printing pose, mm.
@@ -165,18 +165,18 @@ def room_left_mm(points: np.ndarray, where: Printer) -> float:
 
 
 def _turns(where: Printer) -> tuple[int, ...]:
-    """Turns to try, the square ones first; those of the second half differ only where a corner is excluded."""
+    """Rotations to try, deg, right angles first; those over 180 differ only where a corner is excluded."""
     square, last = ((0, 90, 180, 270), 360) if where.exclude_mm else ((0, 90), 180)
     return (*square, *(d for d in range(1, last) if d % 90))
 
 
 def _flat(points: np.ndarray, where: Printer) -> np.ndarray:
-    """A part seen from above: its points, or their convex outline where it has to be compared with a rectangle."""
+    """Points (n, 2) of a part seen from above, or their convex hull where it is compared with an excluded rectangle."""
     return outline(points[:, :2]) if where.exclude_mm else points[:, :2]
 
 
 def _beside_excluded_mm(hull: np.ndarray, where: Printer) -> float:
-    """Room between the margin of a part in the middle of the bed and what is excluded; infinite where nothing is."""
+    """Gap between the margin of a part in mid-bed and the excluded rectangle, mm; infinite where none is."""
     if where.exclude_mm is None:
         return math.inf
     middle = (hull.min(axis=0) + hull.max(axis=0)) / 2
@@ -184,7 +184,12 @@ def _beside_excluded_mm(hull: np.ndarray, where: Printer) -> float:
 
 
 def turned(points: np.ndarray, degrees: float) -> np.ndarray:
-    """Points (n, 2), turned about the origin."""
+    """Points rotated about the origin.
+
+    Args:
+        points: (n, 2), mm.
+        degrees: of the rotation, counter-clockwise.
+    """
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
@@ -228,7 +233,7 @@ def require_bed(parts: Mapping[str, np.ndarray], where: Printer) -> None:
 
 
 def _less(where: Printer) -> str:
-    """What is excluded, in words."""
+    """The excluded rectangle in words."""
     if where.exclude_mm is None:
         return ""
     low_x, low_y, high_x, high_y = where.exclude_mm

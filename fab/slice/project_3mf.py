@@ -4,10 +4,10 @@ Two dialects: :func:`write_prusa` for PrusaSlicer, :func:`write_orca` for OrcaSl
 every part stands on the bed, its lowest point at z = 0.
 
 Notes:
-    trimesh and lib3mf write sound 3MF, but neither can write what makes it a project: PrusaSlicer ignores all settings
-    unless the model carries the metadata ``slic3rpe:Version3mf`` under that very prefix (lib3mf renames prefixes), and
-    volumes of a PrusaSlicer object are ranges of triangles. So the few lines of XML are written here; the tests read
-    them back with lib3mf. Bambu Studio reads settings only from a file whose ``Application`` names it.
+    trimesh and lib3mf write valid 3MF, but not the metadata of a project: PrusaSlicer ignores all settings unless the
+    model has the metadata ``slic3rpe:Version3mf`` with exactly that prefix (lib3mf renames prefixes), and volumes of a
+    PrusaSlicer object are ranges of triangles. Therefore the XML is written here; the tests read it with lib3mf. Bambu
+    Studio reads settings only from a file whose ``Application`` names it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _RELATIONSHIPS = (
 
 @dataclass(frozen=True)
 class Volume:
-    """One closed mesh of a project, in printing pose about the bed's middle, and how it is filled if not as the part.
+    """One closed mesh of a project in printing pose, with its infill if that differs from the part's.
 
     Attributes:
         name: shown in the slicer's list.
@@ -70,7 +70,7 @@ class Piece:
 
     Attributes:
         name: of the part.
-        settings: its own.
+        settings: of the part.
         volumes: its meshes.
         place_mm: of its origin, from the middle of the bed.
     """
@@ -87,7 +87,7 @@ class Project:
 
     Attributes:
         name: of its files.
-        pieces: what lies on it; settings of the plate are those of the first.
+        pieces: its parts; settings of the plate are those of the first.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Project:
 
     @property
     def settings(self) -> PrintSettings:
-        """Settings of the plate; what may differ goes with each piece."""
+        """Settings of the plate; those that may differ are set for each piece."""
         return self.pieces[0].settings
 
     @property
@@ -105,7 +105,7 @@ class Project:
 
     @property
     def printer(self) -> Printer:
-        """For which it is made."""
+        """Printer of the project."""
         return self.settings.printer
 
 
@@ -113,7 +113,9 @@ def single(name: str, settings: PrintSettings, volumes: tuple[Volume, ...]) -> P
     """A plate with one part in its middle.
 
     Args:
-        name: of plate and part. settings: of the part. volumes: its meshes.
+        name: of plate and part.
+        settings: of the part.
+        volumes: its meshes.
     """
     return Project(name, (Piece(name, settings, volumes),))
 
@@ -121,8 +123,12 @@ def single(name: str, settings: PrintSettings, volumes: tuple[Volume, ...]) -> P
 def write_prusa(project: Project, path: Path) -> None:
     """Write a project for PrusaSlicer 2.5 and later.
 
+    Args:
+        project: one plate.
+        path: of the 3MF file.
+
     Raises:
-        FileError: it could not be written; nothing is left.
+        FileError: the file could not be written; nothing is left.
     """
     resources, items, objects = [], [], ["<config>"]
     for number, piece in enumerate(project.pieces, 1):
@@ -168,8 +174,12 @@ def _prusa_object(number: int, piece: Piece) -> list[str]:
 def write_orca(project: Project, path: Path) -> None:
     """Write a project for OrcaSlicer and Bambu Studio.
 
+    Args:
+        project: one plate.
+        path: of the 3MF file.
+
     Raises:
-        FileError: it could not be written; nothing is left.
+        FileError: the file could not be written; nothing is left.
     """
     resources, items, objects, instances = [], [], ["<config>"], []
     number = 0

@@ -42,8 +42,8 @@ class Export:
     """A folder that ``make molds`` wrote.
 
     Attributes:
-        folder: where it lies.
-        variant: the two numbers, the joint clearance and the silicone.
+        folder: of the export.
+        variant: design, joint clearance, silicone and robot.
         manifest: its ``manifest.json``.
     """
 
@@ -63,7 +63,7 @@ class Export:
 
     @property
     def manifest_sha256(self) -> str:
-        """What `make slice` notes, so that prints of an earlier export are known as such."""
+        """SHA-256 of the manifest, recorded by `make slice` so that slices of an earlier export are detected."""
         return file_sha256(self.folder / MANIFEST)
 
     @property
@@ -73,10 +73,10 @@ class Export:
 
 
 def read_export(variant: Variant, exports: Path) -> Export:
-    """Open the folder of a variant.
+    """Open the export of a variant in the folder that holds ``variant.label``.
 
     Raises:
-        FileError: it is missing, unreadable or of other parameters; the message has the command that makes it.
+        FileError: the export is missing, unreadable or of other parameters; the message has the command that makes it.
     """
     folder = exports / variant.label
     again = f"run `{variant.command('molds')}{exports_words(exports)}`"
@@ -102,10 +102,10 @@ def read_export(variant: Variant, exports: Path) -> Export:
 
 
 def _read_all_of(manifest: Mapping[str, Any]) -> None:
-    """Read once what the commands read of a manifest later.
+    """Read once each entry of a manifest that the commands read later.
 
     Raises:
-        KeyError, TypeError, ValueError, AttributeError: something lacks, or is of another kind.
+        KeyError, TypeError, ValueError, AttributeError: an entry is missing, or has another type.
     """
     parts = {part["name"]: part for part in manifest["parts"]}
     for part in parts.values():
@@ -118,7 +118,7 @@ def _read_all_of(manifest: Mapping[str, Any]) -> None:
 
 
 def _others(variant: Variant, exports: Path) -> str:
-    """Which variants of the same two numbers have been made, as the words that name them."""
+    """Text with the options of the exported variants of the same D and T; empty for none."""
     found = []
     for path in sorted(exports.glob(f"{variant.params.label}_*/{MANIFEST}")):
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, EndcapError):
@@ -130,10 +130,10 @@ def _others(variant: Variant, exports: Path) -> str:
 
 
 def read_part(export: Export, name: str) -> Any:
-    """Mesh of a part, from the STL that the manifest vouches for.
+    """Read the mesh of a part from its STL file, whose SHA-256 is in the manifest.
 
     Raises:
-        FileError: the file is missing or not the one that was checked.
+        FileError: the file is missing, or changed since it was checked.
     """
     file = f"{name}.stl"
     wanted = next(part["files"].get(file) for part in export.manifest["parts"] if part["name"] == name)
@@ -151,7 +151,7 @@ def read_part(export: Export, name: str) -> Any:
 
 @dataclass(frozen=True)
 class Plate:
-    """What lies on one plate.
+    """Parts of one plate.
 
     Attributes:
         name: of its project.
@@ -163,20 +163,18 @@ class Plate:
 
 
 def project_names(export: Export) -> list[str]:
-    """Names of all parts as they can be asked for, in the manifest's order: the interface in both of its forms."""
-    names = []
-    for part in export.printed:
-        names += [INFILL, GYROID] if part == INTERFACE else [part]
-    return names
+    """Names of all parts as ``parts=`` takes them, in the order of the manifest, the interface in both of its forms."""
+    parts = ([INFILL, GYROID] if part == INTERFACE else [part] for part in export.printed)
+    return [name for names in parts for name in names]
 
 
 def single_plates(names: Sequence[str]) -> list[Plate]:
-    """One plate for each part, the part in its middle."""
+    """One plate for each of some :func:`project_names`, with the part in its middle."""
     return [Plate(name, (Place(_part_of(name), 0.0, (0.0, 0.0)),)) for name in names]
 
 
 def nested_plates(export: Export, where: Printer) -> list[Plate]:
-    """Plates with as many parts of one material as fit; the interface alone, for its zone is measured about its axis.
+    """Plates with as many parts of one material as fit; the interface is alone, as its zone is measured about its axis.
 
     Args:
         export: what is printed.
@@ -264,7 +262,9 @@ def infill_project(params: EndcapParams, material: str, where: Printer) -> Proje
     """The interface whose zone the slicer fills.
 
     Args:
-        params: the design. material: of the interface. where: the printer.
+        params: the design.
+        material: of the interface.
+        where: the printer.
 
     Raises:
         ParameterError: an unknown material, or it does not fit the bed.
@@ -273,11 +273,13 @@ def infill_project(params: EndcapParams, material: str, where: Printer) -> Proje
 
 
 def gyroid_project(params: EndcapParams, mesh: trimesh.Trimesh, material: str, where: Printer) -> Project:
-    """The interface as its mesh is, outlines moved out by what its lines would lack.
+    """The interface as its mesh, with outlines moved outward by the volume that its lines would lack.
 
     Args:
-        params: the design. mesh: the interface with its gyroid, endcap frame, mm.
-        material: of the interface. where: the printer.
+        params: the design.
+        mesh: the interface with its gyroid, endcap frame, mm.
+        material: of the interface.
+        where: the printer.
 
     Raises:
         ParameterError: an unknown material, or it does not fit the bed.
@@ -289,7 +291,7 @@ def gyroid_project(params: EndcapParams, mesh: trimesh.Trimesh, material: str, w
 
 
 def zone_volumes(params: EndcapParams, where: Printer | None = None) -> tuple[Volume, Volume]:
-    """Flange and plain zone, each a closed mesh."""
+    """Flange and plain zone, each a closed mesh in printing pose; ``where`` is by default any with a 256 mm bed."""
     inner, outer = zone_radii_mm(params)
     flange = laid_down(INTERFACE, tessellate(build_flange(params)), where)
     return Volume("flange", flange), Volume(

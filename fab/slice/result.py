@@ -1,4 +1,4 @@
-"""One project sliced and measured, and the gates on what was measured."""
+"""Result of one sliced project, and the checks of its figures."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ PAPER_MOLD = "the paper, D=130: about 8.50"  # P: what its mold costs, USD
 
 @dataclass(frozen=True)
 class PieceResult:
-    """What one part on a plate took.
+    """Plastic and settings of one part on a plate.
 
     Attributes:
         name: of the part.
-        settings: its own.
-        regions: fillings of volumes that have their own.
+        settings: of the part.
+        regions: infill of the volumes that differ from the part.
         grams: of plastic, support and its share of the brims included.
     """
 
@@ -62,7 +62,7 @@ class PieceResult:
 
 @dataclass(frozen=True)
 class SliceResult:
-    """What came out of one project.
+    """Figures of one sliced project.
 
     Attributes:
         name: of the project.
@@ -72,8 +72,8 @@ class SliceResult:
         figures: of the print.
         zone: of the interlock zone; ``None`` for parts without one.
         fraction: of TPU that the zone should have.
-        info: what the slicer saw.
-        warnings: what the slicer said while slicing.
+        info: what ``--info`` of the slicer reports.
+        warnings: of the slicer.
         files: written projects, file name -> SHA-256.
         is_kept: whether an earlier run sliced the same project.
     """
@@ -92,13 +92,13 @@ class SliceResult:
 
     @property
     def mold_share(self) -> float:
-        """Fraction of the plastic that the mold's parts take."""
+        """Fraction of the plastic in parts of the mold."""
         grams = sum(piece.grams for piece in self.pieces)
         return sum(piece.grams for piece in self.pieces if is_mold(piece.name)) / grams if grams else 0.0
 
     @property
     def checks(self) -> list[Check]:
-        """The gates."""
+        """Checks of the figures."""
         name, figures = self.name, self.figures
         checks = [
             Check(f"{name}.slicer_manifold", float(self.info.is_manifold), low=1),
@@ -141,11 +141,11 @@ def slice_project(
 
     Args:
         slicer: path of PrusaSlicer's program.
-        project: what to print.
-        folder: receives ``<name>.prusa.3mf`` and ``<name>.orca.3mf``, and ``<name>.gcode`` if it is kept.
+        project: one plate.
+        folder: receives ``<name>.prusa.3mf`` and ``<name>.orca.3mf``, and ``<name>.gcode`` if ``keep_gcode``.
         params: the design.
-        keep_gcode: whether the G-code stays; then the project is sliced anew.
-        cache: where the numbers of earlier runs are; ``None`` slices anew.
+        keep_gcode: whether the G-code stays; then the project is sliced again.
+        cache: with figures of earlier runs; ``None`` slices again.
 
     Raises:
         FileError: the slicer refused the project, or a file could not be written.
@@ -178,7 +178,7 @@ def slice_project(
 
 
 def _piece_results(project: Project, shares: Mapping[str, float], grams: float) -> tuple[PieceResult, ...]:
-    """Every part of a plate with its grams; a part alone on its plate takes all of them."""
+    """Result of each part of a plate; a part alone on its plate has all grams."""
     alone = len(project.pieces) == 1
     return tuple(
         PieceResult(
@@ -192,10 +192,11 @@ def _piece_results(project: Project, shares: Mapping[str, float], grams: float) 
 
 
 def summary(results: Sequence[SliceResult], is_whole: bool = True) -> str:
-    """One screen: a line for each project, what lies on it, and the sums.
+    """Table with a line for each project, its parts, and the sums.
 
     Args:
-        results: of the projects. is_whole: whether they hold all of the mold, which is compared with the paper's.
+        results: of the projects.
+        is_whole: whether they include the whole mold, which is then compared with the paper's.
     """
     width = max(18, *(len(result.name) + 1 for result in results))
     lines = [f"{'plate':<{width}}{'time':>8}{'grams':>8}{'USD':>7}{'layers':>8}{'float':>7}  "]
@@ -219,12 +220,20 @@ def summary(results: Sequence[SliceResult], is_whole: bool = True) -> str:
 
 
 def is_mold(name: str) -> bool:
-    """Whether a part belongs to the mold."""
+    """Whether a part belongs to the mold.
+
+    Args:
+        name: of the part.
+    """
     return name.startswith(("cup_", "core_", "hanger"))
 
 
 def hours(seconds: float) -> str:
-    """A duration as hours and minutes."""
+    """A duration as hours and minutes, for example ``2 h 05``.
+
+    Args:
+        seconds: of it.
+    """
     if not math.isfinite(seconds):
         return "?"
     minutes = round(seconds / 60)

@@ -1,7 +1,7 @@
-"""PrusaSlicer without its window: what it says of a project, and its G-code.
+"""Calls of PrusaSlicer's command line: its report on a project, and its G-code.
 
-PrusaSlicer ends with status 0 even for open meshes and for prints beside the bed, so nothing here trusts the status
-alone. The bed must be given on the command line: version 2.5 does not take it from a project.
+PrusaSlicer ends with status 0 even for open meshes and for prints beside the bed, so the status alone is never relied
+on. The bed must be given on the command line: version 2.5 does not read it from a project.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ class SlicerMissingError(EndcapError):
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """What ``--info`` says of a project.
+    """Report of ``--info`` on a project.
 
     Attributes:
         is_manifold: every mesh of it is closed.
         bodies: connected bodies of all its objects.
-        faults: what the slicer counted or repaired, ``name = value``.
+        faults: counted or repaired by the slicer, ``name = value``.
     """
 
     is_manifold: bool
@@ -59,17 +59,25 @@ def find_slicer() -> str:
 
 
 def slicer_version(slicer: str) -> str:
-    """Version in words, for example ``2.5.0``."""
+    """Version of the slicer, for example ``2.5.0``; ``unknown`` where it states none.
+
+    Args:
+        slicer: path of PrusaSlicer's program.
+    """
     said = subprocess.run([slicer, "--help"], capture_output=True, text=True, check=False, env=_environment()).stdout
     found = re.search(r"PrusaSlicer-(\d+\.\d+\.\d+)", said)
     return found[1] if found else "unknown"
 
 
 def model_info(slicer: str, project: Path) -> ModelInfo:
-    """Ask the slicer what it sees in a project.
+    """Read the slicer's report on a project.
+
+    Args:
+        slicer: path of PrusaSlicer's program.
+        project: the 3MF file.
 
     Raises:
-        FileError: it cannot read the project.
+        FileError: the slicer cannot read the project.
     """
     said = _run(slicer, ["--info", str(project)], project)
     values = re.findall(r"^(\w+) =\s+(\S+)\s*$", said.replace(" = ", " =  "), flags=re.MULTILINE)
@@ -82,7 +90,7 @@ def model_info(slicer: str, project: Path) -> ModelInfo:
 
 
 def slice_to_gcode(slicer: str, project: Path, gcode: Path, where: Printer | None = None) -> tuple[str, ...]:
-    """Slice a project where it lies on its plate.
+    """Slice a project without rearranging its parts.
 
     Args:
         slicer: PrusaSlicer's program.
@@ -94,7 +102,7 @@ def slice_to_gcode(slicer: str, project: Path, gcode: Path, where: Printer | Non
         Warnings of the slicer, one a line.
 
     Raises:
-        FileError: no G-code came out; the slicer's own words are in the message.
+        FileError: the slicer wrote no G-code; its last line of output is in the message.
     """
     bed = ",".join((where or printer()).corners)
     words = ["--loglevel", "2", "--dont-arrange", "--bed-shape", bed, "-g", "-o", str(gcode), str(project)]
@@ -107,7 +115,7 @@ def slice_to_gcode(slicer: str, project: Path, gcode: Path, where: Printer | Non
 
 
 def _run(slicer: str, words: list[str], project: Path) -> str:
-    follow = partial(end_with_parent, os.getpid())  # or a slicer would write on where nobody is left to tidy up
+    follow = partial(end_with_parent, os.getpid())  # otherwise the slicer would outlive a killed command
     done = subprocess.run(
         [slicer, *words], capture_output=True, text=True, check=False, env=_environment(), preexec_fn=follow
     )
@@ -123,5 +131,5 @@ def _last_words(said: str) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """Decimal points, and as many threads as we grant: two slicers run side by side."""
+    """Environment of the slicer, with the C locale for decimal points."""
     return {**os.environ, "LC_ALL": "C"}

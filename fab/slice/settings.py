@@ -1,6 +1,6 @@
-"""Print settings by part: one record, translated into the words of PrusaSlicer and of OrcaSlicer or Bambu Studio.
+"""Print settings by part: one record, translated into the keys of PrusaSlicer and of OrcaSlicer or Bambu Studio.
 
-Lengths in mm, speeds in mm/s, densities in per cent, temperatures in degrees Celsius. Everything here is our choice (E)
+Lengths in mm, speeds in mm/s, densities in per cent, temperatures in degrees Celsius. Every value is our choice (E)
 unless marked.
 
 Notes:
@@ -21,17 +21,17 @@ from fab.slice.printers import Printer, printer
 FILAMENT_DIAMETER_MM = 1.75
 LAYER_MM = 0.2
 LINE_MM = 0.45
-ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # what the round sides of a line take off its width (S, GYR02)
-GYROID_LINE = 2.44  # length of line in a unit of a gyroid's section, over its period (S, GYR03)
+ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # width that a line lacks by its round sides (S, GYR02)
+GYROID_LINE = 2.44  # length of line per area of a gyroid's section, times its period (S, GYR03)
 
 
 @dataclass(frozen=True)
 class Region:
-    """How one volume of a part is filled.
+    """Infill and walls of one volume of a part.
 
     Attributes:
-        walls: perimeters.
-        top_layers, bottom_layers: solid layers.
+        walls: number of perimeters.
+        top_layers, bottom_layers: number of solid layers.
         density_percent: of the infill.
         pattern: of the infill.
         anchor_mm: longest piece of infill that may run along a wall; ``None`` leaves the slicer's default.
@@ -47,7 +47,7 @@ class Region:
     solid_below_mm2: float | None = None
 
     def prusa(self) -> dict[str, str]:
-        """Keys of PrusaSlicer."""
+        """Settings by the keys of PrusaSlicer."""
         words = {
             "perimeters": str(self.walls),
             "top_solid_layers": str(self.top_layers),
@@ -85,18 +85,18 @@ ORCA_PLATES = [
 
 @dataclass(frozen=True)
 class PrintSettings:
-    """How one part is printed.
+    """Print settings of one part.
 
     Attributes:
-        filament: what it is made of.
-        region: how it is filled, where no volume says otherwise.
+        filament: of the part.
+        region: infill and walls of volumes that have no region of their own.
         speed_mm_s: of the infill; outer walls go at half of it.
-        support: whether overhangs over the bed are propped.
+        support: whether overhangs over the bed are supported.
         brim_mm: width of the brim; 0 for none.
-        grow_mm: by how much every outline is moved outward.
+        grow_mm: outward offset of each outline.
         thin_lines: walls of varying width, for sheets of one line; slower and less robust than plain walls.
-        reason: why these, in words for the build sheet.
-        printer: on which.
+        reason: of these settings, for the build sheet.
+        printer: on which it is printed.
     """
 
     filament: Filament
@@ -110,7 +110,7 @@ class PrintSettings:
     printer: Printer = field(default_factory=printer)
 
     def piece_prusa(self) -> dict[str, str]:
-        """What may differ from piece to piece of one plate, for PrusaSlicer."""
+        """Settings that may differ between the parts of one plate, for PrusaSlicer."""
         speed, slow = f"{self.speed_mm_s:g}", f"{self.speed_mm_s / 2:g}"
         return {
             "brim_type": "outer_only" if self.brim_mm else "no_brim",
@@ -248,28 +248,28 @@ HARDWARE = Region(walls=4, top_layers=5, bottom_layers=5, density_percent=40)
 
 
 def native_density_percent(wall_mm: float, fraction: float = RELEASED_GYROID) -> float:
-    """Infill density to ask of the slicer so that a fraction of a zone between two walls is printed.
+    """Infill density to set in the slicer so that a fraction of a zone between two walls is printed, per cent.
 
     Args:
         wall_mm: thickness of the zone.
+        fraction: of the zone's volume that is to be printed.
 
     Notes:
-        With line spacing s the slicer's period is 2 pi s / (2.44 rho) (S, GYR03). A gyroid of period L has 2.44 / L of
-        line in a unit of section, each line a sheet of s, so it is filled by 2.44^2 / (2 pi) rho = 0.948 rho; and
-        lines end s / 2 before either side of the zone.
+        With line spacing s the slicer's period is 2 pi s / (2.44 rho) (S, GYR03). A gyroid of period L has a length of
+        line of 2.44 / L per area, each of width s: a density of 0.948 rho. Lines end s / 2 before the zone's sides.
     """
     spacing = LINE_MM - ROUNDING_MM
     return 100 * fraction * 2 * math.pi / GYROID_LINE**2 / (1 - spacing / wall_mm)
 
 
 def zone_region(wall_mm: float, fraction: float = RELEASED_GYROID) -> Region:
-    """Filling of the plain zone: gyroid by the slicer, open on all sides."""
+    """Region of the plain zone, open on all sides; arguments are those of :func:`native_density_percent`."""
     density = round(native_density_percent(wall_mm, fraction), 2)
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
 
 
 def _named(ids: dict[str, str]) -> dict[str, str]:
-    """Names of presets, where there are any."""
+    """The entries whose preset has a name."""
     return {key: name for key, name in ids.items() if name}
 
 
@@ -278,7 +278,7 @@ def part_settings(name: str, material: str, where: Printer | None = None) -> Pri
 
     Args:
         name: of the part.
-        material: as the part carries it.
+        material: of the part, a row of filaments.csv.
         where: the printer; by default any with a 256 mm bed.
 
     Raises:

@@ -1,6 +1,6 @@
-"""What the slicer made of one project: its own words and what the moves say, kept from run to run.
+"""Cached output of the slicer for one project: its report, its warnings and the figures of the moves.
 
-A project whose bytes, slicer and code are those of an earlier run is not sliced again. Its numbers come from the cache.
+A project whose bytes, slicer and code are those of an earlier run is not sliced again; its figures are cached.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from fab.slice.run import ModelInfo, model_info, slice_to_gcode, slicer_version
 
 @dataclass(frozen=True)
 class Sliced:
-    """What came out of the slicer.
+    """Output of the slicer.
 
     Attributes:
-        info: what it saw in the project.
-        warnings: what it said while slicing.
+        info: its report on the project.
+        warnings: of the slicer.
         figures: of the print.
         zone: of the interlock zone; ``None`` for parts without one.
-        shares: fraction of the plastic that every part on the plate takes.
+        shares: fraction of the plastic in each part of the plate.
         is_kept: whether an earlier run sliced it.
     """
 
@@ -46,7 +46,8 @@ def measure_project(slicer: str, project: Project, written: Path, gcode: Path, p
 
     Args:
         slicer: path of PrusaSlicer's program.
-        project: what is printed. written: its 3MF file.
+        project: one plate.
+        written: its 3MF file.
         gcode: receives the G-code.
         params: the design.
 
@@ -62,12 +63,13 @@ def measure_project(slicer: str, project: Project, written: Path, gcode: Path, p
 
 
 def sliced_key(cache: Cache, slicer: str, project: Project, sha256: str, params: EndcapParams) -> str:
-    """What a sliced project is found by: the digest of everything that its numbers depend on.
+    """Key of a sliced project: the digest of everything that its figures depend on.
 
     Args:
-        cache: where it is kept.
+        cache: that will hold it.
         slicer: path of PrusaSlicer's program.
-        project: what is printed. sha256: of its 3MF file.
+        project: one plate.
+        sha256: of its 3MF file.
         params: the design.
     """
     depends_on = {
@@ -81,10 +83,11 @@ def sliced_key(cache: Cache, slicer: str, project: Project, sha256: str, params:
 
 
 def read_sliced(cache: Cache, key: str) -> Sliced | None:
-    """What an earlier run made of the same project; ``None`` where none did.
+    """Read the output for the same project from the cache; ``None`` where there is none.
 
     Args:
-        cache: where it is kept. key: what it is found by.
+        cache: of earlier runs.
+        key: of the project.
     """
     if (entry := cache.read(key)) is None:
         return None
@@ -101,11 +104,12 @@ def read_sliced(cache: Cache, key: str) -> Sliced | None:
 
 
 def keep_sliced(cache: Cache, key: str, sliced: Sliced) -> None:
-    """Keep it for later runs.
+    """Store the output for later runs.
 
     Args:
-        cache: where it is kept. key: what it is found by.
-        sliced: what came out.
+        cache: that holds it.
+        key: of the project.
+        sliced: output of the slicer.
     """
     cache.keep(key, {}, {name: value for name, value in asdict(sliced).items() if name != "is_kept"})
 
@@ -117,6 +121,6 @@ def has_zone(project: Project) -> bool:
 
 @once
 def _slicer_digest(slicer: str) -> str:
-    """SHA-256 of the program and of the version that it states: a small program may start another one."""
+    """SHA-256 of the program and of its version: a wrapper script may start another program."""
     content = f"{file_sha256(Path(slicer))} {slicer_version(slicer)}"
     return hashlib.sha256(content.encode()).hexdigest()

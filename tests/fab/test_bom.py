@@ -15,7 +15,7 @@ from cad.params import EndcapParams
 from fab.bom import all_joints, bom_checks, bom_csv, bom_lines
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import overflow_of, recipe
-from fab.supplies import plastic_g, supply_lines, with_spools
+from fab.supplies import plastic_g, spool_usd, supply_lines, with_spools
 
 LAYOUT = MoldLayout(EndcapParams(130.0, 8.0))
 OVERFLOW = overflow_of(LAYOUT)
@@ -53,6 +53,16 @@ def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
         line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, OVERFLOW), LAYOUT), plastics)
     }
     assert amounts["PLA filament"] == spools and amounts["TPU filament"] == 1
+
+
+def test_spools_of_prints_that_are_not_sliced_follow_the_estimate_and_name_its_range():
+    lines = supply_lines(recipe(282e3, OVERFLOW), LAYOUT)
+    found = {line.item: line for line in with_spools(lines, {"PLA": 2000.0, "TPU 95A": 40.0}, is_estimate=True)}
+    assert (found["PLA filament"].quantity, found["TPU filament"].quantity) == (3, 1)
+    assert found["PLA filament"].pack_usd == pytest.approx(3 * spool_usd("PLA filament"))
+    assert found["PLA filament"].use.endswith("; estimated 1700 to 2300 g until sliced")
+    assert found["TPU filament"].use.endswith("; estimated 34 to 46 g until sliced")
+    assert "estimated" not in found["PETG filament"].use
 
 
 @pytest.mark.parametrize("volume_mm3", [100e3, 282e3, 1.25e6, 2.9e6])

@@ -23,14 +23,14 @@ def under_nohup():
 def test_a_signal_is_raised_and_remembered(number):
     before = signal.getsignal(number)
     interrupts = Interrupts()
-    with interrupts.heard(), pytest.raises(KeyboardInterrupt):
+    with interrupts.handling(), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
     assert interrupts.signal == number and signal.getsignal(number) == before
 
 
 def test_what_is_ignored_stays_ignored_and_the_others_are_heard(under_nohup):
     interrupts = Interrupts()
-    with interrupts.heard():
+    with interrupts.handling():
         signal.raise_signal(signal.SIGHUP)
         assert not interrupts.came
         with pytest.raises(KeyboardInterrupt):

@@ -53,7 +53,7 @@ def sheet_of(sliced: dict | None, **changed) -> SheetData:
 def test_the_cover_names_what_is_paid_and_what_is_used_and_that_prints_are_missing():
     paid, used = (words for _, words in cost_facts(sheet_of(None)))
     assert "WITHOUT the prints, whose grams make slice D=130 T=8 measures" in used and "by the gram" not in used
-    assert "one spool of each plastic until the prints are sliced" in paid
+    assert "spools by an estimate of the plastic until the prints are sliced" in paid
     paid, used = (words for _, words in cost_facts(sheet_of(SLICED)))
     assert "WITHOUT" not in used and "plastic by the gram" in used and "until" not in paid
 

@@ -28,7 +28,7 @@ def swallowed() -> None:
 def test_nothing_appears_where_the_question_before_publishing_raises(tmp_path):
     interrupts = Interrupts()
     with (
-        interrupts.heard(),
+        interrupts.handling(),
         pytest.raises(KeyboardInterrupt),
         whole_folder(tmp_path / "out", "list.json", interrupts.raise_swallowed) as folder,
     ):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import pytest
 import trimesh
-from build123d import Box, import_step
+from build123d import Box, Compound, Solid, import_step
 from strict_3mf import read_strictly
 
 from cad.errors import FileError
 from fab.coupons.__main__ import write_parts
-from fab.exports.writer import write_3mf, write_solids
+from fab.exports.writer import write_3mf, write_shape, write_solids
 
 FULL = "/dev/full"  # every write fails with "No space left on device"
 
@@ -21,10 +22,19 @@ def one_part(name: str) -> SimpleNamespace:
 
 
 def test_a_solid_comes_back_and_a_second_time_gives_the_same_bytes(tmp_path):
-    for name in ("a", "b"):
-        write_solids(one_part(name), tmp_path)
-    assert import_step(tmp_path / "a.step").volume == pytest.approx(6)
-    assert (tmp_path / "a.step").read_bytes() == (tmp_path / "b.step").read_bytes()
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        write_solids(one_part("base"), folder)
+    assert import_step(tmp_path / "a/base.step").volume == pytest.approx(6)
+    assert (tmp_path / "a/base.step").read_bytes() == (tmp_path / "b/base.step").read_bytes()
+
+
+@pytest.mark.parametrize("shape", [Box(1, 2, 3), Compound([Solid.make_box(1, 2, 3), Solid.make_box(3, 2, 1)])])
+def test_the_product_of_a_file_is_named_as_its_part(shape, tmp_path):
+    write_shape(shape, tmp_path / "hanger.step")
+    products = re.findall(r"= PRODUCT\('([^']*)','([^']*)'", (tmp_path / "hanger.step").read_text())
+    assert products == [("hanger", "hanger")] and shape.label == ""
+    assert import_step(tmp_path / "hanger.step").volume == pytest.approx(shape.volume)
 
 
 def test_a_mesh_as_3mf_is_sound_for_the_consortiums_strict_reader(tmp_path):

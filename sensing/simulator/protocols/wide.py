@@ -59,7 +59,7 @@ def _press(
 ) -> LoadPath:
     steps = np.arange(STEP_N, top - 0.5 * STEP_N, STEP_N)
     loads = [
-        *np.sort(rng.uniform(0.3, 4.5, TOUCHES)),
+        *np.sort(rng.uniform(*TOUCH_N, TOUCHES)),
         *(steps + rng.uniform(-0.5, 0.5, len(steps)) * STEP_N * 0.9),
         top,
     ]

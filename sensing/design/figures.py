@@ -17,7 +17,7 @@ from sensing.design.region import SILICONE_USD_KG
 
 
 class Source(Enum):
-    """Where a figure comes from."""
+    """Kind of source of a figure."""
 
     COMPUTED = "computed"
     MEASURED = "measured"
@@ -33,7 +33,7 @@ class Figure:
         key: identifier in tables.
         name: name in words.
         value: value; None where it is unknown.
-        unit: of the value.
+        unit: unit of the value.
         source: kind of source.
         note: method, in a few words.
     """

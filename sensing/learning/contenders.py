@@ -106,7 +106,7 @@ def held_out(views: Views, what: str, seed: int = 0) -> tuple[Views, Views]:
         views: all samples of the data set.
         what: ``random`` frames as the paper draws them (neighbours in time on both sides), whole ``path``s, ``pose``:
             all tilts between 25 and 35 degrees, or ``friction``: all above 0.8.
-        seed: of the random choices of ``random`` and ``path``.
+        seed: seed of the random choices of ``random`` and ``path``.
 
     Raises:
         ParameterError: an unknown name, or nothing on one side.

@@ -1,6 +1,6 @@
 """Checks samples: some are refused with an error, some are left out and counted, and impossible ones are also named.
 
-One sample of a broken message would spoil the state for good, because all later states depend on it.
+One sample of a broken message would spoil the state permanently, because all later states depend on it.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ class Simulator:
 
         Args:
             scene: the indenter, its first touch and its friction.
-            targets: where each step ends, in order.
+            targets: end of each step, in order.
             began_s: time at which the shell was last untouched, on the path's clock, s.
 
         Raises:

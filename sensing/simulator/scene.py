@@ -36,7 +36,7 @@ class SceneState:
             of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error
             is not estimated.
         patch: points in contact with pressure, friction and slip (both halves), or None at level 4.
-        certificate: of the equilibrium, or None at level 4.
+        certificate: certificate of the equilibrium, or None at level 4.
     """
 
     level: int

@@ -39,7 +39,7 @@ class PoseRequest:
     Attributes:
         weight_g, sd_g: mass of everything that presses, and its standard deviation, g.
         tilt_deg: angle between the vertical and the endcap's axis, degrees.
-        azimuth_deg: of the vertical in the endcap frame, from x to y: upward where the dome is up, downward where it is
+        azimuth_deg: azimuth of the vertical, endcap frame, from x to y: upward if the dome is up, downward if it is
             pressed onto a scale; opposite to the weight's (fx, fy).
         source: video, folder of pictures or recording; empty for the endcap's own.
     """

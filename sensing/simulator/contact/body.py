@@ -13,7 +13,7 @@ Triple = tuple[float, float, float]
 
 
 class BodyKind(IntEnum):
-    """Signed distances that :mod:`sensing.simulator.contact.kernels` knows."""
+    """Signed distances that :mod:`sensing.simulator.contact.kernels` has."""
 
     PLANE = 0
     SPHERE = 1

@@ -35,7 +35,7 @@ WRENCH_FLOOR_N = 1e-3  # N, load below which the wrench gap counts in absolute t
 
 @dataclass(frozen=True)
 class Target:
-    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel or force.
+    """End of a step: a normal force or a depth (exactly one), and the body's tangential travel or force.
 
     Attributes:
         normal_n: force along the inward normal at first touch, N, or None.
@@ -43,7 +43,7 @@ class Target:
         shift_mm: tangential travel along (meridian, lateral), mm; ignored where ``tangential_n`` is given.
         tangential_n: tangential force on the shell along (meridian, lateral), N, or None. Only
             :mod:`sensing.simulator.levels` takes such a target.
-        time_s: when it is reached, on the path's clock (s); only rate effects use it.
+        time_s: time at which it is reached, on the path's clock (s); only rate effects use it.
     """
 
     normal_n: float | None = None

@@ -40,7 +40,7 @@ class Certificate:
         penetration_mm: largest at a Gauss point, mm (penalty contact violates no other condition).
         reach_mm: largest anywhere on the surface, mm; no Gauss point measures its excess over ``penetration_mm``.
         cone_excess_mpa: largest excess of friction over mu p, MPa.
-        negative_pivots: of the last symmetric tangent; 0 means a stable branch at the controlled depth, -1 unknown.
+        negative_pivots: number in the last symmetric tangent; 0: a stable branch at the controlled depth, -1: unknown.
         force_stiffness_n_mm: slope of normal force by depth; positive means stable under force control too.
         iterations: Newton iterations spent, sub-steps included.
         substeps: sub-steps of the last advance.

@@ -1,8 +1,8 @@
 """``static`` protocol: the motion of the authors' robot arm (N, mm, s, degrees).
 
 Facts.md, "protocol": tilts 10 to 50 degrees in steps of 10, a sequence of normal-force set-points up to 5..35 N, then a
-circle drawn on the plane, with the approach, the light touch and the unloading of each trial. The paper says only that
-low to moderate forces dominate; how many states each phase gets is ours (E).
+circle drawn on the plane, with the approach, the light touch and the unloading of each trial. The paper states only
+that low to moderate forces dominate; how many states each phase gets is ours (E).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """``wide`` and ``steep`` protocols: tilts and loads beyond the authors' grid, with travel on the way (N, mm, s).
 
-``wide`` has any tilt from 0 to 60 degrees and loads to 60 N, so that a model can be trained and judged beyond
+``wide`` has any tilt from 0 to 60 degrees and loads to 60 N, so that a model can be trained and tested beyond
 ``static``. Tilts come from six strata of 10 degrees in turn, and every path passes all loads up to its top, so that six
 paths fill a table by tilt and load. ``steep`` covers endcaps of a robot that stands on leaning bars: 45 to 78
 degrees, loads to 75 N, friction from 0.2 to 1.2.

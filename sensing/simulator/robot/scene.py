@@ -1,6 +1,6 @@
 """The robot that ``python -m sensing.live`` shows without cameras: lowered onto one, two and three of its endcaps.
 
-    python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it anew (minutes)
+    python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it again (minutes)
 
 The file holds solved states only: displacement fields of the inner surface at the nodes of the renderer's draft mesh,
 as a few modes, and their wrenches. Between two solved loads field and wrench are interpolated linearly. N, mm, N m;

@@ -1,4 +1,4 @@
-"""One endcap as a body of a robot simulator: sphere, springs, dampers, friction (m, N, kg, s but where the name says).
+"""One endcap as a body of a robot simulator: sphere, springs, dampers, friction (m, N, kg, s; other units in names).
 
 model = robot_model(EndcapParams(130, 8))     # its MJCF: sensing.simulator.robot_model.mjcf
 """

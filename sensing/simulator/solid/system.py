@@ -110,7 +110,7 @@ def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -
 
     Args:
         mesh, law: geometry and material.
-        fixed: which degrees of freedom are fixed (n, 3).
+        fixed: whether each degree of freedom is fixed (n, 3).
     """
     live = np.flatnonzero(~fixed.ravel())
     free = np.full(mesh.points.size, -1, dtype=np.int64)

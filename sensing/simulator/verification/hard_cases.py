@@ -39,7 +39,7 @@ class Outcome:
     """Outcome of a case.
 
     Attributes:
-        name: of the case.
+        name: name of the case.
         verdict: ``converged``, or ``refused: <reason>``, or ``WRONG: ...`` where a certificate does not hold.
         detail: last state, and text of the refusal.
     """

@@ -23,7 +23,7 @@ from sensing.learning.samples import Samples
 Array = NDArray[np.float64]
 DAMPING = 1e-3  # of the mean square of the columns: separates weak directions from noise
 AZIMUTH_STEP_DEG = 5.0  # of the grid
-BETWEEN_TILTS = 4  # grid points between two fitted tilts
+BETWEEN_TILTS = 4  # grid steps between two fitted tilts
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
-LAG_FRAMES = 10  # least range of shifts in which a lag is searched
+LAG_FRAMES = 10  # fewest frame intervals of a run whose lag is searched
 MOVING_N = 1.0  # least standard deviation of a force component whose lag is searched, at D=130 T=8
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 from sensing.tensegrity.shape import cable_lengths, standing_poses
 
 PATIENCE_S = 1.5  # s; a longer warm-up is announced
-STEP_S, STANDS_S = 0.01, DEFAULTS.start_s + 0.3  # s, interval of the samples; time until the estimate begins
+STEP_S, STANDS_S = 0.01, DEFAULTS.start_s + 0.3  # s, interval of the samples; time for which the robot stands
 
 
 def warm_up(robot: TensegrityRobot, say: Callable[[str], object]) -> None:

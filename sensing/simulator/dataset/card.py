@@ -23,7 +23,7 @@ CITATION = (
 )
 LICENSE = "https://opensource.org/license/mit"
 KINDS = {".json": "application/json", ".npz": "application/zip"}  # media types by suffix
-# JSON-LD context that Croissant 1.0 prescribes.
+# JSON-LD context of Croissant 1.0.
 CONTEXT: dict[str, Any] = {
     "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
     "cr": "http://mlcommons.org/croissant/", "dct": "http://purl.org/dc/terms/",

@@ -28,7 +28,7 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES
 from sensing.simulator.solid.shell import PLAIN, require_interlock
 
-PATHS_PER_SHARD = 3  # neighbouring paths share a tilt, so that level 2 can share its tangents
+PATHS_PER_SHARD = 3  # loading paths of a shard
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
 PATH_LEVELS = (1, 2)  # levels that follow a path; level 4 depends on forces alone (Simulator.bulk)
 RENDERERS = ("off", *RENDER_LEVELS)  # values of ``render``

@@ -6,8 +6,8 @@ no unbiased estimator has a smaller covariance than W (J' S^-1 J)^-1 W' (Cramer 
 measured error that training has, too (:class:`sensing.learning.marker_fields.Scatter`). Slopes come from a quadratic
 fit to the library's states round the parameters, the azimuth's from a turn.
 
-Left out: calibration, paint beside its place, friction's path. So it is a lower bound on the noise of one frame, and no
-prediction of the error of trained weights. N, N m about the sphere's centre; 640 x 480 px.
+Left out: calibration, paint beside its place, friction's path. So it is a lower bound on the noise of one frame, and
+does not predict the error of trained weights. N, N m about the sphere's centre; 640 x 480 px.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
 Mask = NDArray[np.bool_]
-NEAR_TILT_DEG, NEAR_SHARE = 9.0, 0.5  # E: widths of the fit, degrees and part of the load
-STEP_DEG = 1.0  # turn for the azimuth's slope
-SIZE_PX = np.array([640, 480])
+NEAR_TILT_DEG, NEAR_SHARE = 9.0, 0.5  # E: widths of the fit: tilt, degrees, and part of the load
+STEP_DEG = 1.0  # turn by which the slope of the azimuth is computed
+SIZE_PX = np.array([640, 480])  # size of the pictures
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Bound:
     """Cramér-Rao bound of a wrench from the dots at one tilt and load.
 
     Attributes:
-        tilt_deg, normal_n: where.
+        tilt_deg, normal_n: tilt, degrees, and normal force, N.
         wrench: (6,) there, N and N m about the sphere's centre.
-        covariance: (6, 6) smallest of any unbiased estimator.
-        moved_px: root mean square of the dots' displacement.
-        dots: how many are seen.
+        covariance: (6, 6) smallest covariance of any unbiased estimator.
+        moved_px: root mean square of the dots' displacement, px.
+        dots: number of dots in view.
     """
 
     tilt_deg: float
@@ -61,12 +61,12 @@ class Bound:
 
     @property
     def force_n(self) -> float:
-        """Root mean square of the force's error over the three axes."""
+        """Root mean square of the force's error over the three axes, N."""
         return float(np.sqrt(np.trace(self.covariance[:3, :3]) / 3))
 
     @property
     def px_per_n(self) -> float:
-        """Displacement of the dots by the load."""
+        """Root mean square displacement of the dots over the load, px/N."""
         return self.moved_px / self.normal_n
 
     def weakest(self) -> Array:
@@ -79,9 +79,9 @@ class DesignBound:
     """Bounds of one design and silicone.
 
     Args:
-        params: the design.
-        geometry: its shell.
-        shear_mpa: shear modulus of its silicone.
+        params: design.
+        geometry: geometry of its shell.
+        shear_mpa: shear modulus of its silicone, MPa.
 
     Raises:
         ParameterError: a design outside the library.
@@ -101,16 +101,16 @@ class DesignBound:
         self._modes = [self._radius * modes_at(library, geometry, directions, a) for a in (0.0, -STEP_DEG, STEP_DEG)]
 
     def rest_px(self) -> Array:
-        """(d, 2) dots of the untouched endcap that are seen."""
+        """(d, 2) image points of the untouched endcap's dots in view, px."""
         pixels = self._camera.project(self._rest)
         return pixels[_seen(pixels)]
 
     def at(self, tilt_deg: float, normal_n: float) -> Bound:
-        """The bound for a load without tangential force.
+        """Bound at a load without tangential force.
 
         Args:
-            tilt_deg: polar angle of first touch, 5 to 52.
-            normal_n: force.
+            tilt_deg: polar angle of first touch, 5 to 52 degrees.
+            normal_n: normal force, N.
         """
         reference_n = normal_n / self.scale.force
         tilt, normal, *_ = self._places.T
@@ -151,14 +151,14 @@ def smallest_covariance(by_pixel: Array, noise: Array, by_answer: Array, known: 
     """(k, k) smallest covariance of any unbiased estimate of k answers: W' (J N^-1 J' + K)^-1 W.
 
     Args:
-        by_pixel: J (p, m), what a step of each of p parameters moves.
-        noise: N (m,) variances, or (m, m) covariance.
-        by_answer: W (p, k), what it changes of the answers.
-        known: K (p, p), information beforehand (the inverse covariance of a prior); None without.
+        by_pixel: J (p, m), derivative of m measurements by p parameters.
+        noise: N (m,) variances, or (m, m) covariance of the measurements.
+        by_answer: W (p, k), derivative of k answers by the parameters.
+        known: K (p, p), prior information (the inverse covariance of a prior); None without.
     """
     weighted = by_pixel / noise if noise.ndim == 1 else np.linalg.solve(noise, by_pixel.T).T
     information = weighted @ by_pixel.T + (0.0 if known is None else known)
-    size = np.sqrt(np.diag(information))  # parameters have units of their own
+    size = np.sqrt(np.diag(information))  # parameters have different units
     root = np.linalg.solve(np.linalg.cholesky(information / size / size[:, None]), by_answer / size[:, None])
     return np.asarray(root.T @ root)
 
@@ -169,7 +169,7 @@ def _seen(pixels: Array) -> Mask:
 
 
 def _places(wrench: Array, scale: LoadScale, known: Mask) -> Array:
-    """(S, 4) tilt, normal and two tangential forces of every state, forces in those of D=130 T=8; NaN where unknown."""
+    """(S, 4) tilt, normal and two tangential forces of every state, in loads of D=130 T=8; NaN where unknown."""
     rows, row = np.full((len(wrench), 4), np.nan), 0
     for path in library_paths():
         frame = Indenter(path.tilt_deg).frame()
@@ -182,7 +182,7 @@ def _places(wrench: Array, scale: LoadScale, known: Mask) -> Array:
 
 
 def quadratic_terms(x: Array) -> Array:
-    """(s, 1 + n + n (n + 1) / 2) one, coordinates (s, n) and their products: columns of a quadratic fit."""
+    """(s, 1 + n + n (n + 1) / 2) columns of a quadratic fit: one, coordinates (s, n) and their products."""
     pairs = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i, x.shape[1])]
     return np.column_stack([np.ones(len(x)), x, *pairs])
 

@@ -17,7 +17,7 @@ from sensing.design.region import SILICONE_USD_KG
 
 
 class Source(Enum):
-    """Where a figure comes from."""
+    """Kind of source of a figure."""
 
     COMPUTED = "computed"
     MEASURED = "measured"
@@ -30,12 +30,12 @@ class Figure:
     """One line of a study.
 
     Attributes:
-        key: for tables.
-        name: in words.
-        value: None where it is unknown.
-        unit: of the value.
-        source: where it comes from.
-        note: how, in a few words.
+        key: identifier in tables.
+        name: name in words.
+        value: value; None where it is unknown.
+        unit: unit of the value.
+        source: kind of source.
+        note: method, in a few words.
     """
 
     key: str
@@ -47,7 +47,7 @@ class Figure:
 
     @property
     def text(self) -> str:
-        """Three digits with the unit, larger numbers whole; or a dash."""
+        """Value with three digits and the unit, larger numbers whole; or a dash."""
         if self.value is None:
             return "–"
         digits = f"{self.value:.0f}" if abs(self.value) >= 999.5 else f"{self.value:.3g}"
@@ -58,8 +58,8 @@ def figures(study: Study, prints: Prints | None = None) -> list[Figure]:
     """The figures of a study: range and errors, mass, and the material and time that it takes.
 
     Args:
-        study: the design.
-        prints: of its sliced files; None for estimates.
+        study: study of the design.
+        prints: prints from its sliced files; None for estimates.
     """
     lines = [*_loads(study), *_dots(study), *_errors(study), *_rate(study), *_mass(study)]
     lines += _made(study, prints or estimated_prints(study.params))
@@ -193,7 +193,7 @@ def blind_direction(study: Study) -> str:
 
 
 def as_csv(lines: list[Figure]) -> str:
-    """Figures as a table."""
+    """Figures as CSV."""
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerow(["key", "name", "value", "unit", "source", "note"])
@@ -204,7 +204,7 @@ def as_csv(lines: list[Figure]) -> str:
 
 
 def as_record(study: Study, lines: list[Figure]) -> dict[str, object]:
-    """Study as plain JSON."""
+    """Study and figures as plain JSON."""
     bounds = [
         {"tilt_deg": b.tilt_deg, "normal_n": b.normal_n, "sigma": b.sigma.tolist(), "wrench": b.wrench.tolist()}
         for b in study.bounds

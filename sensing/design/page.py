@@ -17,6 +17,7 @@ from sensing.design.region import Choice, Place
 from sensing.interpreter import typed_command
 from sensing.wrench.weight_files import command_for, find_weights
 
+# CSS of both pages.
 STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:1.5rem auto;padding:0 1rem;color:#1b1b1b}
 table{border-collapse:collapse}td,th{padding:.15rem .7rem .15rem 0;text-align:left;vertical-align:top}
@@ -24,6 +25,7 @@ td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}img{m
 .computed{color:#186a3b}.measured{color:#1a4f8b}.estimated{color:#9a6400}.unknown{color:#6a6a6a}
 code,pre{background:#f3f3f3;padding:.1rem .3rem}small{color:#555}pre{overflow-x:auto}
 """
+# Explanation of each kind of source.
 SOURCES = (
     '<p><small><span class="computed">computed</span>: from solved states of the simulator and closed forms; '
     '<span class="measured">measured</span>: on rendered frames or files of this design; '
@@ -36,7 +38,7 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
     """The page of a study, as HTML.
 
     Args:
-        study: the design.
+        study: study of the design.
         lines: its figures.
     """
     params = study.params
@@ -70,12 +72,12 @@ def _next(study: Study) -> str:
 
 
 def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) -> str:
-    """The whole region for every silicone, and the answer to a question.
+    """The page of the map: all designs for every silicone, and the answer to a question, as HTML.
 
     Args:
-        places: of the map.
-        choices: answer, empty without a question.
-        question: in words.
+        places: places of the map.
+        choices: answers; empty without a question.
+        question: the question in words.
     """
     answer = ""
     if choices:

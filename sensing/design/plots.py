@@ -1,4 +1,4 @@
-"""Pictures of a study and of the map, as PNG inside a page."""
+"""Plots of a study and of the map, as PNG inside a page."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from sensing.design.pressed import PARTS, TILTS_DEG, Study
 from sensing.design.region import Place
 
-AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
-DPI = 110
+AXES = ("fx", "fy", "fz", "tx", "ty", "tz")  # names of the wrench's axes
+DPI = 110  # resolution of the plots
 
 
 def load_curves(study: Study) -> str:
-    """Force, patch and strain by depth at three tilts."""
+    """Plot of force, patch and strain by depth at three tilts."""
     figure, axes = _figure(1, 3, (11, 3.2))
     for curve in study.curves:
         label = f"{curve.tilt_deg:g}°"
@@ -35,7 +35,7 @@ def load_curves(study: Study) -> str:
 
 
 def bound_bars(study: Study) -> str:
-    """Bounds by axis, tilt and load."""
+    """Plot of the bounds by axis, tilt and load."""
     figure, axes = _figure(1, 2, (11, 3.2))
     sigma = np.array([bound.sigma for bound in study.bounds]).reshape(len(TILTS_DEG), len(PARTS), 6)
     for k, (axis, unit) in enumerate(zip(axes, ("N", "N m"), strict=True)):
@@ -55,7 +55,7 @@ def bound_bars(study: Study) -> str:
 
 
 def dots_picture(study: Study) -> str:
-    """Where the dots are in the picture, untouched."""
+    """Picture of the untouched endcap's dots."""
     figure, axes = _figure(1, 1, (4.6, 3.6))
     axis = axes[0]
     pixels = study.bound.rest_px()
@@ -67,7 +67,7 @@ def dots_picture(study: Study) -> str:
 
 
 def map_panels(places: Sequence[Place], silicone: str) -> str:
-    """Range, stiffness, bound in percent of the range, mass and cost over (D, T) of one silicone."""
+    """Plots of range, stiffness, bound in percent of the range, mass and cost over (D, T) for one silicone."""
     own = [place for place in places if place.silicone == silicone]
     x, y = (np.array([getattr(place, name) for place in own]) for name in ("diameter_mm", "wall_mm"))
     panels = [
@@ -95,7 +95,7 @@ def map_panels(places: Sequence[Place], silicone: str) -> str:
 
 
 def _three_digits(value: float) -> str:
-    """Three digits without a power of ten: 0.0611, 18.1, 2503."""
+    """Value with three digits and without a power of ten: 0.0611, 18.1, 2503."""
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
@@ -109,7 +109,7 @@ def _figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Any, li
 
 
 def _png(figure: Any) -> str:
-    """The picture as an address inside a page."""
+    """A figure as PNG in a data address."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

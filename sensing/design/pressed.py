@@ -1,4 +1,4 @@
-"""One design and silicone, pressed by similarity: curves, bounds, range, silicone (N, mm, g)."""
+"""Study of one design and silicone by similarity: pressing curves, bounds, range, silicone (N, mm, g)."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from sensing.simulator.similarity.ratios import LoadScale, ShellRatios
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
 
 Array = NDArray[np.float64]
-TILTS_DEG = (10.0, 25.0, 40.0, 50.0)
-PARTS = (0.15, 0.5, 0.9)  # of the weights' range, at which bounds are given
-ELONGATION_SHARE = 0.5  # E: of the elongation at break, that a cast part may see again and again
+TILTS_DEG = (10.0, 25.0, 40.0, 50.0)  # tilts of the bounds
+PARTS = (0.15, 0.5, 0.9)  # loads of the bounds, in parts of the weights' range
+ELONGATION_SHARE = 0.5  # E: part of the elongation at break that a cast part may reach repeatedly
 GYROID_FRACTION = 0.093  # M: volume fraction of TPU in the interlock of the released gyroid (facts: 9.3 to 9.4 %)
-# E: of the range, by diameter, of weights that know all paths. Labels gave 1.3, 0.9 and 0.5 to 0.7 % where held-out
-# paths lay among those of training (60 principal fields), 2.1, 0.8 to 1.0 and 0.5 to 0.9 % where the hardest were held
-# out (120; bench/similarity.csv); pictures of D=165 0.5 % (bench/similarity_pictures.csv)
+# E: force error over the range, by diameter, of weights that are trained on all paths. Labels gave 1.3, 0.9 and 0.5 to
+# 0.7 % where held-out paths lay among those of training (60 principal fields), 2.1, 0.8 to 1.0 and 0.5 to 0.9 % where
+# the hardest were held out (120; bench/similarity.csv); pictures of D=165 0.5 % (bench/similarity_pictures.csv).
 EXPECTED_SHARES = ((104.0, 0.013), (110.0, 0.0095), (121.0, 0.0055))
 
 
 def expected_share(diameter_mm: float) -> float:
-    """Force error an axis that trained weights are expected to have, over their range; small sizes show fewer dots."""
+    """Expected force error an axis of trained weights over their range; small sizes show fewer dots."""
     diameters, shares = zip(*EXPECTED_SHARES, strict=True)
     return float(np.interp(diameter_mm, diameters, shares))
 
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """Pressing at one tilt until the model ends: depth, force, patch and strain, NaN past its end.
+    """Curves of a press at one tilt to the end of the model: depth, force, patch and strain, NaN past their end.
 
     Attributes:
-        tilt_deg: of the plane.
-        depth_mm, normal_n, patch_mm2, strain: (15,) each.
+        tilt_deg: tilt of the plane, degrees.
+        depth_mm, normal_n, patch_mm2, strain: (15,) depth, normal force, contact area, largest strain.
     """
 
     tilt_deg: float
@@ -53,24 +53,24 @@ class LoadCurve:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(15,) where the model has an answer."""
+        """(15,) whether the model has a solution."""
         return np.isfinite(self.normal_n)
 
     def depth_at(self, force_n: float) -> float:
-        """Depth under a force; NaN beyond the curve."""
+        """Depth at a force, mm; NaN beyond the curve."""
         return self._at(force_n, self.depth_mm)
 
     def patch_at(self, force_n: float) -> float:
-        """Patch under a force; NaN beyond the curve."""
+        """Contact area at a force, mm2; NaN beyond the curve."""
         return self._at(force_n, self.patch_mm2)
 
     def strain_at(self, force_n: float) -> float:
-        """Largest strain under a force; NaN beyond the curve."""
+        """Largest strain at a force; NaN beyond the curve."""
         return self._at(force_n, self.strain)
 
     @property
     def snap_n(self) -> float | None:
-        """Force at which it no longer rises with the depth; None where that was not met."""
+        """Force at which it no longer rises with the depth, N; None if the curve has no such point."""
         force = self.normal_n[self.known]
         falls = np.flatnonzero(np.diff(force) <= 0)
         if len(falls):
@@ -78,7 +78,7 @@ class LoadCurve:
         return None if len(force) == len(self.normal_n) else float(force[-1]) if len(force) else 0.0
 
     def force_at_strain(self, strain: float) -> float | None:
-        """Force at which the largest strain reaches a value; None where it does not within the curve."""
+        """Force at which the largest strain reaches a value, N; None if it does not within the curve."""
         over = np.flatnonzero(self.strain[self.known] >= strain)
         return float(self.normal_n[self.known][over[0]]) if len(over) else None
 
@@ -92,10 +92,10 @@ class LoadCurve:
 
 @dataclass(frozen=True)
 class Study:
-    """One design and silicone.
+    """Study of one design and silicone; its figures are computed when they are first read.
 
     Attributes:
-        params: the design.
+        params: design.
         silicone: row of cad/materials.csv.
     """
 
@@ -104,22 +104,22 @@ class Study:
 
     @cached_property
     def geometry(self) -> ShellGeometry:
-        """Its shell."""
+        """Geometry of the shell."""
         return shell_geometry(self.params.diameter_mm, self.params.wall_mm)
 
     @cached_property
     def material(self) -> Silicone:
-        """Its silicone."""
+        """Row of the silicone."""
         return silicone(self.silicone)
 
     @cached_property
     def shear_mpa(self) -> float:
-        """Shear modulus."""
+        """Shear modulus, MPa."""
         return self.material.neo_hooke().shear_mpa
 
     @cached_property
     def range_n(self) -> float:
-        """Normal force to which its weights are trained."""
+        """Normal force to which its weights are trained, N."""
         return LoadScale.of(self.geometry, self.shear_mpa).top_n
 
     @cached_property
@@ -145,17 +145,17 @@ class Study:
 
     @cached_property
     def bound_n(self) -> float:
-        """Root mean square of the force bounds, an axis."""
+        """Root mean square of the force bounds of an axis, N."""
         return float(np.sqrt(np.mean([bound.force_n**2 for bound in self.bounds])))
 
     @property
     def error_n(self) -> float:
-        """Force error an axis that trained weights are expected to have."""
+        """Expected force error of trained weights, an axis, N."""
         return max(self.bound_n, expected_share(self.params.diameter_mm) * self.range_n)
 
     @property
     def safe(self) -> tuple[float, str]:
-        """(largest safe normal force, what limits it)."""
+        """(largest safe normal force, N; reason of the limit)."""
         limits = [(self.range_n, "the weights' range")]
         allowed = ELONGATION_SHARE * self.material.elongation_percent / 100
         for curve in self.curves:
@@ -168,7 +168,7 @@ class Study:
 
     @cached_property
     def volume_cm3(self) -> float:
-        """Silicone of the shell: closed form, the gyroid's part of the interlock taken off."""
+        """Volume of the shell's silicone, cm3: closed form, without the gyroid's part of the interlock."""
         start, top = scaling.FLANGE_THICKNESS_MM, scaling.FLANGE_THICKNESS_MM + scaling.INTERLOCK_DEPTH_MM
         tip = self.params.tip_height_mm
         whole, zone = (self._between(start, height) for height in (tip, min(top, tip)))
@@ -187,10 +187,10 @@ class Study:
 
     @property
     def mass_g(self) -> float:
-        """Of the silicone."""
+        """Mass of the silicone, g."""
         return self.volume_cm3 * self.material.density_g_cm3
 
     def stiffness_n_mm(self, tilt_deg: float) -> float:
-        """Secant from first touch to a fifth of the range, at one of the curves' tilts."""
+        """Secant stiffness from first touch to a fifth of the range, N/mm, at one of the curves' tilts, degrees."""
         curve = next(curve for curve in self.curves if curve.tilt_deg == tilt_deg)
         return 0.2 * self.range_n / curve.depth_at(0.2 * self.range_n)

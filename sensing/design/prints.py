@@ -1,4 +1,4 @@
-"""Hours, grams and dollars of printing parts and mold: of the sliced files where they exist, else estimated."""
+"""Time, mass and cost of printing parts and mold: from the sliced files if they exist, else estimated."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from cad.lens import camera_setting
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 
-SLICES = Path("slice", "slice.json")  # beside the study, from make slice
-SECOND_FORM = "interface_gyroid"  # one interface is printed, in one of two forms
-MOLD_RADIUS_MM, MOLD_GRAMS = 65.0, 514.0  # M at D=130 T=8 as make slice measures; E: in proportion to R^2
-PLA_GRAMS_H = 17.5  # M as make slice measures; E: one rate
-PLA_USD_KG = 20.0  # E: a kilogram spool
+SLICES = Path("slice", "slice.json")  # beside the study; make slice writes it
+SECOND_FORM = "interface_gyroid"  # one of the two forms of the interface, of which only one is printed
+MOLD_RADIUS_MM, MOLD_GRAMS = 65.0, 514.0  # M at D=130 T=8 by make slice; E: mass in proportion to R^2
+PLA_GRAMS_H = 17.5  # M by make slice; E: constant rate
+PLA_USD_KG = 20.0  # E: of a spool of one kilogram
 INTERFACE_GRAMS, INTERFACE_H = 23.8, 3.02  # M at D=130 T=8 (bench/slice.csv, "infill"); E: in proportion to R
 TPU_USD_KG = 35.0  # E
 
 
 @dataclass(frozen=True)
 class Prints:
-    """What printing takes.
+    """Time, mass and cost of all prints.
 
     Attributes:
-        time_h, grams, cost_usd: of all plates.
-        parts: which they are, in words.
-        is_sliced: whether the moves of the printer were counted.
-        manifest_sha256: of the export that was sliced.
+        time_h, grams, cost_usd: totals of all plates.
+        parts: the parts, in words.
+        is_sliced: whether the numbers are from sliced files.
+        manifest_sha256: digest of the manifest of the export that was sliced.
     """
 
     time_h: float
@@ -41,11 +41,11 @@ class Prints:
 
 
 def prints_of(params: EndcapParams, export: Path) -> Prints:
-    """Prints of a design.
+    """Prints of a design, from sliced files or estimated.
 
     Args:
-        params: the design.
-        export: its folder; ``slice/slice.json`` in it counts, unless the molds were made anew after it.
+        params: design.
+        export: folder of its export; ``slice/slice.json`` in it is used, unless the molds were made again after it.
 
     Raises:
         FileError: that file cannot be read, or belongs to another design.
@@ -59,11 +59,11 @@ def prints_of(params: EndcapParams, export: Path) -> Prints:
 
 
 def sliced_prints(params: EndcapParams, path: Path) -> Prints:
-    """Sum of all plates.
+    """Totals of all plates of a sliced export.
 
     Args:
-        params: the design.
-        path: ``slice.json``.
+        params: design.
+        path: path of ``slice.json``.
 
     Raises:
         FileError: it cannot be read, or belongs to another design.
@@ -87,7 +87,7 @@ def sliced_prints(params: EndcapParams, path: Path) -> Prints:
 
 
 def estimated_prints(params: EndcapParams) -> Prints:
-    """Mold and interface by closed form: thin walls of PLA with R squared, the interface's ring with R."""
+    """Mold and interface by closed forms: thin walls of PLA scale with R squared, the interface's ring with R."""
     ratio = params.outer_radius_mm / MOLD_RADIUS_MM
     mold_grams, ring_grams = _mold_grams(params), INTERFACE_GRAMS * ratio
     return Prints(
@@ -97,7 +97,7 @@ def estimated_prints(params: EndcapParams) -> Prints:
 
 
 def mold_usd(params: EndcapParams) -> float:
-    """Cost of the PLA in the mold, estimated: 10.28 USD at D=130 (the paper: about 8.50, MAT13)."""
+    """Estimated cost of the PLA in the mold, USD: 10.28 at D=130 (the paper: about 8.50, MAT13)."""
     return PLA_USD_KG * _mold_grams(params) / 1000
 
 

@@ -1,6 +1,6 @@
 """The whole region of designs that can be made: figures over (D, T), the Pareto front, and the inverse question.
 
-Everything but mass and cost goes with the shear modulus: one silicone is computed, the others are scaled.
+All figures but mass and cost scale with the shear modulus, so one silicone is computed and the others are scaled.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from sensing.design.pressed import Study, expected_share
 from sensing.design.prints import mold_usd
 
 Progress = Callable[[int, int], None]
-DIAMETERS, WALLS = 20, 10  # of the grid, each wall range divided alike
-SILICONE_USD_KG = 40.0  # E: of a large kit, for all silicones; the build sheet lists the smallest
+DIAMETERS, WALLS = 20, 10  # numbers of diameters, and of walls at each; evenly spaced
+SILICONE_USD_KG = 40.0  # E: price of a large kit, the same for all silicones; the build sheet lists the smallest
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,15 @@ class Place:
     """One design and silicone of the map.
 
     Attributes:
-        diameter_mm, wall_mm, silicone: which.
-        range_n: of the weights.
-        safe_n: largest safe load.
-        limit: what limits it.
-        stiffness_n_mm: at 25 degrees.
-        bound_n: Cramer-Rao of the force, an axis.
-        mass_g: of the silicone.
-        cost_usd: silicone and mold (estimated).
-        pareto: no other place has more range, less error in percent of it and less mass.
+        diameter_mm, wall_mm, silicone: the design and its silicone.
+        range_n: range of the weights, N.
+        safe_n: largest safe load, N.
+        limit: reason of that limit.
+        stiffness_n_mm: stiffness at 25 degrees, N/mm.
+        bound_n: Cramér-Rao bound of the force, an axis, N.
+        mass_g: mass of the silicone, g.
+        cost_usd: cost of silicone and mold (estimated), USD.
+        pareto: whether no other place has more range, less error in percent of it and less mass.
     """
 
     diameter_mm: float
@@ -56,12 +56,12 @@ class Place:
 
     @property
     def error_n(self) -> float:
-        """Force error an axis that trained weights are expected to have."""
+        """Expected force error of trained weights, an axis, N."""
         return max(self.bound_n, expected_share(self.diameter_mm) * self.range_n)
 
     @property
     def label(self) -> str:
-        """In words."""
+        """Name in words."""
         return f"D={self.diameter_mm:g} T={self.wall_mm:g} {self.silicone}"
 
 
@@ -69,8 +69,8 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
     """A study's figures for the map.
 
     Args:
-        study: of one design.
-        bound_n: the force bound; computed (seconds) where it is not given.
+        study: study of one design.
+        bound_n: force bound, N; None computes it (seconds).
     """
     safe_n, limit = study.safe
     params = study.params
@@ -82,10 +82,10 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
 
 
 def in_silicone(place: Place, name: str) -> Place:
-    """The same shell in another silicone: loads, stiffness and errors go with mu, mass with the density.
+    """The same shell in another silicone: loads, stiffness and errors scale with mu, mass with the density.
 
     Args:
-        place: of any silicone without a strain limit.
+        place: place in a silicone without a strain limit.
         name: row of cad/materials.csv.
     """
     before, after = silicone(place.silicone), silicone(name)
@@ -102,8 +102,8 @@ def grid(diameters: int = DIAMETERS, walls: int = WALLS) -> list[tuple[float, fl
     """(D, T) over the region that can be made, rounded to 0.1 mm inside it.
 
     Args:
-        diameters: how many, from the smallest to the largest.
-        walls: how many at each.
+        diameters: number of diameters, from the smallest to the largest.
+        walls: number of walls at each.
     """
     low, high = diameter_range_mm()
     places = []
@@ -118,10 +118,10 @@ def grid(diameters: int = DIAMETERS, walls: int = WALLS) -> list[tuple[float, fl
 
 
 def survey(designs: Sequence[tuple[float, float]], progress: Progress | None = None) -> list[Place]:
-    """Places of designs in every silicone.
+    """Places of designs, in every silicone.
 
     Args:
-        designs: (D, T) of each, mm.
+        designs: (D, T) of each design, mm.
         progress: called with (designs done, designs in all).
     """
     found: list[Place] = []
@@ -134,7 +134,7 @@ def survey(designs: Sequence[tuple[float, float]], progress: Progress | None = N
 
 
 def pareto(places: Sequence[Place]) -> NDArray[np.bool_]:
-    """(N,) places that no other beats in range, error in percent of it, and mass at once."""
+    """(N,) whether no other place is better in range, error in percent of it, and mass at once."""
     goals = np.array([[-p.range_n, p.bound_n / p.range_n, p.mass_g] for p in places])
     beaten = [bool(((goals <= goal).all(axis=1) & (goals < goal).any(axis=1)).any()) for goal in goals]
     return ~np.array(beaten, dtype=bool)
@@ -142,7 +142,7 @@ def pareto(places: Sequence[Place]) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Choice:
-    """One answer to the inverse question."""
+    """One answer to the inverse question: a place, and what it is best in."""
 
     place: Place
     why: str
@@ -152,12 +152,12 @@ def choose(places: Sequence[Place], load_n: float, error_n: float) -> list[Choic
     """Three designs that bear a load with an error: the lightest, the most exact, the smallest.
 
     Args:
-        places: to choose from.
-        load_n: normal force to be borne.
-        error_n: force error an axis, expected of weights.
+        places: places of the map.
+        load_n: normal force that the design has to bear, N.
+        error_n: largest expected force error of weights, an axis, N.
 
     Raises:
-        ParameterError: none does; the message names the nearest.
+        ParameterError: no place does; the message names the nearest.
     """
     bears = _bearing(places, load_n, error_n)
     good = [place for place in bears if place.error_n <= error_n]
@@ -188,11 +188,11 @@ def require_possible(designs: Sequence[tuple[float, float]], load_n: float, erro
     """Refuse impossible loads and shares at once, which do not need the bounds that the map computes in minutes.
 
     Args:
-        designs: (D, T) of each, mm.
+        designs: (D, T) of each design, mm.
         load_n, error_n: as in :func:`choose`.
 
     Raises:
-        ParameterError: no design bears the load, or those that do err more even if their dots were perfect.
+        ParameterError: no design bears the load, or all that do have larger errors even with perfect dots.
     """
     plain = [place_of(Study(EndcapParams(*design), DEFAULT_SILICONE), 0.0) for design in designs]
     bears = _bearing([in_silicone(place, name) for place in plain for name in silicones()], load_n, error_n)
@@ -207,7 +207,7 @@ def require_possible(designs: Sequence[tuple[float, float]], load_n: float, erro
 
 
 def _bearing(places: Sequence[Place], load_n: float, error_n: float) -> list[Place]:
-    """Places that bear a load; refuses numbers that are no question, and a load that none bears."""
+    """Places that bear a load; refuses invalid numbers, and a load that no place bears."""
     for name, value in (("load", load_n), ("error", error_n)):
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(f"{name}={value:g}: give newtons, more than 0", name=name, value=value)
@@ -230,7 +230,7 @@ def _why(word: str, place: Place, count: int) -> str:
 
 
 def as_csv(places: Sequence[Place]) -> str:
-    """The map as a table."""
+    """The map as CSV."""
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     names = list(Place.__dataclass_fields__)

@@ -21,7 +21,7 @@ class Report:
 
     Attributes:
         study: the design in its silicone.
-        prints: what printing takes, of its sliced files; None for estimates.
+        prints: prints from its sliced files; None for estimates.
     """
 
     study: Study
@@ -45,19 +45,19 @@ class Report:
 
     @property
     def blind(self) -> str:
-        """The direction of load that its dots show least, in words."""
+        """The direction of the load that the dots determine least, in words."""
         return blind_direction(self.study)
 
     @property
     def label(self) -> str:
-        """Name of its folder under exports: the design, silicone and camera module where they are not the defaults."""
+        """Name of its folder in exports: the design, and silicone and camera module where they are not the defaults."""
         return endcap_label(self.study.params, self.study.silicone)
 
     def write(self, folder: str | Path) -> Path:
         """Write study.csv, study.json and study.html; returns the page.
 
         Raises:
-            FileError: the place cannot be written.
+            FileError: the folder cannot be written.
         """
         from sensing.design.page import study_page
 

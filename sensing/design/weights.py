@@ -1,8 +1,8 @@
-"""Weights of any design and silicone in minutes: states from the library, seen by the camera of that size, trained.
+"""Weights of any design and silicone in minutes: states from the library, viewed by the camera of that size, training.
 
     model = design_weights(DesignRequest(EndcapParams(180, 10)), FitConfig())
 
-States from elsewhere, as of a direct simulation, take the library's place with ``solved``.
+With ``solved``, other states (such as those of a direct simulation) replace those of the library.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.wrench.model import WrenchModel
 
-AZIMUTHS, PICTURE_AZIMUTHS = 8, 1  # of every state: for training, and in pictures that scale the covariance
+AZIMUTHS, PICTURE_AZIMUTHS = 8, 1  # of every state: for training; in pictures that scale the covariance
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What weights are wanted for.
+    """Request of weights for one design.
 
     Attributes:
-        params: the design.
+        params: design.
         silicone: row of cad/materials.csv.
-        azimuths: at which every state is seen.
-        pictures: render and track the states once, to scale the covariance.
-        numbers: of the library's paths that are used; None for all.
+        azimuths: number of azimuths at which every state is viewed.
+        pictures: whether the states are rendered and tracked once, to scale the covariance.
+        numbers: numbers of the library's paths that are used; None for all.
     """
 
     params: EndcapParams
@@ -62,16 +62,16 @@ class DesignRequest:
 
     @property
     def scale(self) -> LoadScale:
-        """Loads of this design against those of D=130 T=8."""
+        """Loads of this design over those of D=130 T=8."""
         geometry = shell_geometry(self.params.diameter_mm, self.params.wall_mm)
         return LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa)
 
     def data(self, render: str, azimuths: int) -> DataRequest:
-        """Request of a set.
+        """Request of a data set.
 
         Args:
             render: quality of the pictures, or ``off``.
-            azimuths: of every state.
+            azimuths: number of azimuths of every state.
         """
         return DataRequest(
             frames=1, diameter_mm=self.params.diameter_mm, wall_mm=self.params.wall_mm, silicone=self.silicone,
@@ -86,14 +86,14 @@ def design_weights(
     """Train weights for a design.
 
     Args:
-        request: what for.
-        config: knobs of training.
-        say: takes one line for each stage.
+        request: design and its states.
+        config: settings of training.
+        say: function that takes one line for each stage.
         solved: states of the library's paths from elsewhere (a direct simulation); None takes the library.
 
     Raises:
         ParameterError: a design outside the library.
-        FileError: no library, or no place for its pictures.
+        FileError: the library is missing, or the pictures cannot be written.
     """
     from sensing.learning.fitting import fit  # torch takes seconds to load
 

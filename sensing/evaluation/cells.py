@@ -1,4 +1,4 @@
-"""Errors by tilt and load: one mean hides the corner in which a model fails."""
+"""Errors by tilt and load, since one mean hides a region in which a model fails."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from sensing.learning.scores import AXES
 from sensing.wrench.range import NORMAL_95
 
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
-LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force, at D=130 T=8
-FAR_N = 1.0  # error of fz from which an answer without a flag misleads, at D=130 T=8
+LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force's ranges, at D=130 T=8
+FAR_N = 1.0  # error of fz from which an answer without a flag is misleading, at D=130 T=8
 LEAST_WIDTH = 13  # characters of a column of the tables
 
 
@@ -27,13 +27,13 @@ class Cell:
 
     Attributes:
         tilt_deg, load_n: (from, to); NaN tilts where the set does not state them.
-        frames: how many.
-        rmse, bias: (6,) by axis, N and N m.
+        frames: number of frames.
+        rmse, bias: (6,) root mean squared error and mean error by axis, N and N m.
         coverage: fraction of axes within 1.96 standard deviations.
         flagged: fraction of frames with a flag.
-        far_n: error of fz that is far off.
-        far, far_flagged: frames that are, and how many of them have a flag.
-        centre_deg, normal_deg: medians by which contact centre and normal are off; NaN where the plane is not known.
+        far_n: error of fz that counts as far off, N.
+        far, far_flagged: numbers of frames that are far off, and of those among them with a flag.
+        centre_deg, normal_deg: median errors of contact centre and normal, degrees; NaN where the plane is not known.
     """
 
     tilt_deg: tuple[float, float]
@@ -50,7 +50,7 @@ class Cell:
     normal_deg: float
 
     def row(self) -> dict[str, float]:
-        """Flat, for CSV."""
+        """The errors as flat numbers, for CSV."""
         flat = {"tilt_from_deg": self.tilt_deg[0], "tilt_to_deg": self.tilt_deg[1]}
         flat |= {"load_from_n": self.load_n[0], "load_to_n": self.load_n[1], "frames": self.frames}
         flat |= {f"rmse_{axis}": float(v) for axis, v in zip(AXES, self.rmse, strict=True)}
@@ -61,12 +61,12 @@ class Cell:
 
 
 def cells(answers: LiveAnswers, load_scale: float = 1.0) -> list[Cell]:
-    """All cells that hold a frame in contact, by tilt, then load; frames of unknown tilt come last.
+    """All cells with frames in contact, by tilt, then load; frames of unknown tilt come last.
 
     Args:
-        answers: of one model on one set.
-        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`); loads are parted alike in
-            every range.
+        answers: answers of one model on one set.
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`); it also scales the ranges of the
+            load.
     """
     touching = answers.take(answers.contact)
     load = np.linalg.norm(touching.truth[:, :3], axis=1)
@@ -81,7 +81,7 @@ def cells(answers: LiveAnswers, load_scale: float = 1.0) -> list[Cell]:
 
 
 def cell_tables(found: list[Cell]) -> str:
-    """Plain text: for each quantity a table, tilts down and loads across; a dash where no frame is."""
+    """Plain text: for each quantity a table, tilts down and loads across; a dash for no frames."""
     tilts, loads = (list(dict.fromkeys(getattr(c, name) for c in found)) for name in ("tilt_deg", "load_n"))
     loads.sort()
     heads = [f"{low:g} to {high:g} N" for low, high in loads]
@@ -106,7 +106,7 @@ def _median(value: float) -> str:
     return "-" if np.isnan(value) else f"{value:.2f}"
 
 
-# What the tables show of a cell; root mean square over the axes named.
+# Quantity in the tables -> text of a cell; root mean square over the axes that are named.
 QUANTITIES: dict[str, Callable[[Cell], str]] = {
     "RMSE of fz N": _rmse(2),
     "RMSE of fx, fy N": _rmse(0, 1),
@@ -131,7 +131,7 @@ def cells_csv(named: dict[str, list[Cell]]) -> bytes:
 
 
 def _edges(load_scale: float, most_n: float) -> list[float]:
-    """Edges of the loads, to three digits; the last is beyond every frame."""
+    """Edges of the loads, N, to three digits; the last is above the loads of all frames."""
     edges = [float(f"{load_scale * edge:.3g}") for edge in LOADS_N]
     return edges if most_n < edges[-1] else [*edges[:-1], float(f"{1.01 * most_n:.3g}")]
 

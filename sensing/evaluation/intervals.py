@@ -1,20 +1,20 @@
-"""How wide intervals must be to hold on a sensor never seen: from pictures of other sensors on paths of their own.
+"""Widths of intervals that hold on other sensors: from pictures of several sensors on paths of their own.
 
     model = with_intervals(model, ["exports/interval_71", "exports/interval_72"])
 
 Notes:
-    On a calibration frame in contact and without a flag, with error e of an axis, variance M that the network gives and
-    C that the camera adds, the interval is 1.96 sqrt(s^2 M + g^2 t^2 + C) with g = |F| / (F0 + |F|): t is what tracking
-    adds from a light touch on. Dots that have moved by a third of a pixel are off by as much as dots that have moved by
-    three, and of small motions that is most of the answer's error; a network that learnt less for them is too sure
-    there, and no single factor can be right for light and heavy loads. So s is the smallest that covers 95 % of the
-    frames from a light load on, t the smallest that covers 95 % of those below, and each is found with the other given,
-    in turn, until both stand: more of one never needs more of the other, so from t = 0 the s fall and the t rise.
-    Frames of one path are not independent, paths are: each has the same weight in both quantiles. That estimates the
-    level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
+    For a calibration frame in contact and without a flag, with error e of an axis, variance M of the network and C of
+    the camera, the interval is 1.96 sqrt(s^2 M + g^2 t^2 + C) with g = |F| / (F0 + |F|); t is the error that tracking
+    adds from a light touch on. Dots that have moved by a third of a pixel have the same error as dots moved by
+    three, which for small motions is most of the answer's error. A network that learned less error for them is
+    overconfident there, and no single factor suits light and heavy loads. So s is the smallest that covers 95 % of the
+    frames from a light load on, t the smallest that covers 95 % of those below, and each is found with the other fixed,
+    in turn, until both converge: a larger one never needs a larger other, so from t = 0 the s decrease and the t
+    increase. Frames of one path are not independent, but paths are: each has the same weight in both quantiles. That
+    estimates the level; the guarantee of conformal prediction on groups (Dunn, Wasserman, Ramdas 2023,
     doi:10.1080/01621459.2022.2060112) takes the 0.95 (n + 1) / n quantile of n paths, far too wide for tens of paths.
-    Motions and sensors must be none that training or the choice of a setting has seen; one motion seen by several
-    sensors counts as several, though it is not quite.
+    Motions and sensors must not be among those of training or of the choice of a setting; one motion with several
+    sensors counts as several, although these are not quite independent.
 """
 
 from __future__ import annotations
@@ -41,24 +41,24 @@ from sensing.wrench.simulation_spread import SIMULATED
 from sensing.wrench.tensors import TRACKING, onset_n_of
 
 Array = NDArray[np.float64]
-LEVEL = 0.95
-SCALES = 1e-6, 1e6  # squares of factors: the covariance stays positive
-LIGHT_N = 5.0  # E: at D=130 T=8: below it what tracking adds is most of an error, well above it is none of it
-ROUNDS = 50
-FEWEST_PATHS = 19  # fewer say nothing of one path in twenty
+LEVEL = 0.95  # part of the errors that an interval covers
+SCALES = 1e-6, 1e6  # limits of the squared factors, so that the covariance stays positive
+LIGHT_N = 5.0  # E: at D=130 T=8: below it the error of tracking dominates, well above it it is negligible
+ROUNDS = 50  # alternating updates of s and t
+FEWEST_PATHS = 19  # fewer do not determine a 95 % level
 
 
 def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_deg: float = 90.0) -> WrenchModel:
     """A model whose covariance is scaled, axis by axis, to the errors of the live pipeline.
 
     Args:
-        model: as trained.
-        folders: rendered or recorded frames of several sensors, each with the camera that a user finds.
-        tilt_to_deg: contacts further from the tip are left out: where a model fails, no width is right.
+        model: trained model.
+        folders: folders of rendered or recorded frames of several sensors, each with the camera that a user finds.
+        tilt_to_deg: contacts further from the tip are left out, degrees: where a model fails, no width is right.
 
     Raises:
         ParameterError: fewer than 19 paths, or one that the model was trained on.
-        FileError: a set that is not whole, or of another endcap than the model is for.
+        FileError: an incomplete set, or one of another endcap than the model's.
     """
     answers = [a.take(~(a.tilt_deg > tilt_to_deg)) for a in (_judged(model, LabelledSet(folder)) for folder in folders)]
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
@@ -91,7 +91,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
         "scale": [round(float(s), 4) for s in scale],
         "tracking": [round(float(t), 5) for t in tracking],
     }
-    # The limit belongs to the network's own spread: what was flagged under the scale of before stays flagged.
+    # The limit applies to the network's own spread: frames flagged under the previous scale stay flagged.
     limits = replace(model.range, interval_n=model.range.interval_n * float(scale[:3].min()))
     return replace(model, weights=weights, range=limits, about={**model.about, "intervals": record})
 
@@ -100,15 +100,15 @@ def widths(answers: LiveAnswers, onset_n: float, light_n: float = LIGHT_N) -> tu
     """(6,) factors s on the network's standard deviations, and (6,) standard deviations t, N and N m, beside them.
 
     Args:
-        answers: of a model without t; ``path`` says which frames belong together.
-        onset_n: F0, N, force by which half of t is there.
+        answers: answers of a model without t; ``path`` groups them by loading path.
+        onset_n: F0, force at which half of t is reached, N.
         light_n: force below which a load is light, N.
     """
     error, path = (answers.value - answers.truth) / NORMAL_95, answers.path
     own, total = (np.diagonal(c, axis1=1, axis2=2) for c in (answers.model_covariance, answers.covariance))
     left, force = error**2 - (total - own), np.linalg.norm(answers.value[:, :3], axis=1)
     light, share = force < light_n, ((force / (force + onset_n)) ** 2)[:, None]
-    if not light.any() or light.all():  # one kind of load alone: one factor
+    if not light.any() or light.all():  # with one kind of load alone, one factor suffices
         return np.sqrt(np.clip(path_quantile(np.maximum(left, 0.0) / own, path, LEVEL), *SCALES)), np.zeros(6)
     tracking = np.zeros(6)  # squares, as scale is
     for _ in range(ROUNDS):
@@ -122,14 +122,14 @@ def widths(answers: LiveAnswers, onset_n: float, light_n: float = LIGHT_N) -> tu
 
 
 def _joined(answers: Sequence[LiveAnswers], path: NDArray[np.str_]) -> LiveAnswers:
-    """All answers as one, under names of paths that differ from sensor to sensor."""
+    """All answers joined, with names of paths that differ between sensors."""
     columns = {name: np.concatenate([getattr(a, name) for a in answers]) for name in LiveAnswers.__dataclass_fields__}
     return LiveAnswers(**{**columns, "path": path})
 
 
 def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
-    """Answers in contact for which the model vouches, however wide their intervals are before they are scaled, and
-    without what is added for all that simulated frames do not show."""
+    """Answers in contact within the model's range, whatever the width of their intervals before the scaling, without
+    the additional variance for errors that simulated frames lack."""
     data.require_whole()
     fix = "make frames of the endcap that the weights are for"
     require_same(data.folder, "interval data", data.identity, model.identity, fix, MUST_AGREE)

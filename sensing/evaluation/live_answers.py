@@ -1,9 +1,9 @@
-"""Results of the live pipeline, the object that users run, on labelled frames.
+"""Answers of the live pipeline, the object that users run, on labelled frames.
 
     answers = live_answers(LabelledSet("exports/test"), load_model("default", params), camera=None)
     answers.value - answers.truth
 
-Every loading path starts a pipeline of its own, zeroed on the path's untouched picture. Wrenches on the endcap about
+Every loading path has a pipeline of its own, zeroed on the path's untouched picture. Wrenches on the endcap about
 the sphere's centre, N and N m.
 """
 
@@ -32,22 +32,22 @@ from sensing.wrench.plane_contact import PlaneContactLaw
 from sensing.wrench.stiffness import shear_mpa_of
 
 Array = NDArray[np.float64]
-SHORTEST_S = 1e-6  # states labelled with one time follow one another by this
+SHORTEST_S = 1e-6  # least time step between states that are labelled with the same time
 
 
 @dataclass(frozen=True)
 class LiveAnswers:
-    """Answers of single frames (the filter comes after them), in the order of the set.
+    """Answers of single frames (without the filter), in the order of the set.
 
     Attributes:
-        value, truth: (N, 6) wrenches.
-        covariance: (N, 6, 6).
-        model_covariance: (N, 6, 6), without what the camera adds.
-        flagged: (N,) bool, True where the model itself says that the field is unlike those of training.
+        value, truth: (N, 6) wrenches, N and N m.
+        covariance: (N, 6, 6) covariances of the answers.
+        model_covariance: (N, 6, 6) covariances without the camera's part.
+        flagged: (N,) bool, True where the model reports that the field is unlike those of training.
         tilt_deg: (N,) polar angle of first contact, NaN where unknown.
-        place: (N, 4) degrees: contact centre off (seen from the sphere's centre), normal off, and what the answer says
-            of both (standard deviation of one direction); NaN where the place of the plane is not known.
-        contact: (N,) bool.
+        place: (N, 4) degrees: error of the contact centre (seen from the sphere's centre), error of the normal, and the
+            stated standard deviations of both (of one direction); NaN where the place of the plane is not known.
+        contact: (N,) bool, whether anything touches.
         path: (N,) str, identity of the loading path.
     """
 
@@ -62,7 +62,7 @@ class LiveAnswers:
     path: NDArray[np.str_]
 
     def take(self, rows: NDArray) -> LiveAnswers:
-        """Some of the answers, by index or mask."""
+        """The answers that an index or a mask selects."""
         return LiveAnswers(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
 
 
@@ -71,8 +71,8 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
 
     Args:
         data: labelled frames with pictures.
-        model: of the set's design.
-        camera: file of the calibrated camera; None for a user without one.
+        model: model for the set's design.
+        camera: file of the calibrated camera; None for the nominal one.
 
     Raises:
         FileError: no frames, or a frame that the pipeline cannot use (its message is passed on).
@@ -100,7 +100,7 @@ def live_answers(data: LabelledSet, model: LiveModel, camera: Path | None) -> Li
 def _readings(
     data: LabelledSet, model: LiveModel, camera: Path | None
 ) -> Iterator[tuple[LabelledFrame, EndcapReading]]:
-    """Every frame with its reading."""
+    """(frame, reading) of every frame."""
     pipeline, run, last_s = None, None, float("-inf")
     for item in data.frames():
         now = (item.path, str(item.labels["azimuth_deg"]))
@@ -115,7 +115,7 @@ def _readings(
 
 
 def _pipeline(data: LabelledSet, model: LiveModel, item: LabelledFrame, camera: Path | None) -> EndcapPipeline:
-    """Of the endcap in a set: its size, its dots and its silicone."""
+    """Pipeline of the set's endcap: its size, dots and silicone."""
     design = data.params
     config = EndcapConfig(
         "evaluated", "labelled", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm, camera=camera,

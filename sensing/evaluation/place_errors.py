@@ -12,17 +12,17 @@ from sensing.records_labelled import LabelledFrame
 from sensing.wrench.plane_contact import PlaneContactLaw, pressure_point
 
 Array = NDArray[np.float64]
-UNKNOWN = np.full(4, np.nan)
+UNKNOWN = np.full(4, np.nan)  # errors of a frame without a known plane
 
 
 def place_errors(item: LabelledFrame, estimate: Wrench, law: PlaneContactLaw | None, params: EndcapParams) -> Array:
-    """(4,) degrees: centre off, normal off, and the standard deviations that the answer states; NaN where unknown.
+    """(4,) degrees: errors of centre and normal, and the standard deviations that the answer states; NaN where unknown.
 
     Args:
-        item: the frame.
-        estimate: of the wrench, endcap or sphere frame.
-        law: of the endcap; None where no plane presses.
-        params: the design.
+        item: labelled frame.
+        estimate: estimated wrench, endcap or sphere frame.
+        law: contact law of the endcap; None without a plane.
+        params: design.
 
     Notes:
         The true plane is the world's z = 0, and the true centre follows from the true wrench on it.

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError
 
-REPOSITORY = "jonathantwz/gelfoot"  # P
-FIELD_SHAPE = (2, 30, 30)
-_SEPARATORS = re.compile(r"[\s,;]+")
+REPOSITORY = "jonathantwz/gelfoot"  # P: repository on the hub
+FIELD_SHAPE = (2, 30, 30)  # of one array: u and v on a 30 x 30 grid
+_SEPARATORS = re.compile(r"[\s,;]+")  # between the numbers of a label
 
 
 @dataclass(frozen=True)
@@ -54,15 +54,15 @@ def read_authors_dataset(folder: str | Path) -> AuthorsDataset:
 
 
 def download_authors_dataset(folder: str | Path, repository: str = REPOSITORY, endpoint: str | None = None) -> Path:
-    """Fetch the data set into ``folder`` (what is there already is not fetched again); returns the index's folder.
+    """Download the data set into ``folder``, without files that are there already; returns the index's folder.
 
     Args:
-        folder: where.
-        repository: on the hub.
-        endpoint: another hub than the public one.
+        folder: destination folder.
+        repository: name of the repository on the hub.
+        endpoint: address of another hub than the public one.
 
     Raises:
-        FileError: the optional library is missing, the hub does not answer, or what came holds no index.
+        FileError: the optional library is missing, the hub does not answer, or the download holds no index.
     """
     try:
         from huggingface_hub import snapshot_download
@@ -72,7 +72,7 @@ def download_authors_dataset(folder: str | Path, repository: str = REPOSITORY, e
         ) from None
     try:
         snapshot_download(repository, repo_type="dataset", local_dir=folder, endpoint=endpoint)
-    except (OSError, ValueError) as error:  # the library's own errors are one of the two
+    except (OSError, ValueError) as error:  # the library's errors derive from these
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise FileError(f"{repository}: cannot be fetched ({reason}): check the name and the network") from error
     found = sorted(Path(folder).rglob("index.csv"), key=lambda path: len(path.parts))
@@ -110,7 +110,7 @@ def _six_numbers(text: str, place: str) -> NDArray[np.float64]:
 
 
 def _array_file(folder: Path, text: str) -> Path:
-    """The array inside the folder, wherever the path in the index pointed when it was recorded."""
+    """The array inside the folder, whatever the folder of the index's path was when it was recorded."""
     name = PurePosixPath(text.replace("\\", "/"))
     inside = not name.is_absolute() and ".." not in name.parts
     direct = folder / name

@@ -1,6 +1,6 @@
 """State from which an interrupted training continues: one safetensors file beside the weights, whole or not at all.
 
-A checkpoint belongs to one set of samples and settings (its key); of any other it is not read. Times in seconds.
+A checkpoint belongs to one set of samples and settings (its key) and is ignored for any other. Times in seconds.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from safetensors.torch import save
 
 from cad.whole_file import replace_file
 
-EVERY_S = 5.0  # between writings
+EVERY_S = 5.0  # s between writings
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a descent is.
+    """State of a descent.
 
     Attributes:
-        epoch: epochs done.
-        seconds: spent.
-        lowest: error of the best epoch.
+        epoch: number of epochs done.
+        seconds: time spent, s.
+        lowest: validation error of the best epoch.
         best: its weights by name.
     """
 
@@ -42,7 +42,7 @@ class Checkpoint:
     """The checkpoint file of one training; without a path it does nothing.
 
     Args:
-        path: the file.
+        path: path of the file.
         key: text that identifies samples and settings.
     """
 
@@ -56,8 +56,8 @@ class Checkpoint:
         """Restore the state of a stage; None where none is stored.
 
         Args:
-            stage: its name.
-            part, optimizer: of the stage; both get the state that was kept.
+            stage: name of the stage.
+            part, optimizer: those of the stage; both get the stored state.
         """
         tensors, about = self._found
         if f"{stage} done" in about:
@@ -75,12 +75,12 @@ class Checkpoint:
         return Descent(int(about["epoch"]), float(about["seconds"]), float(about["lowest"]), best)
 
     def keep(self, stage: str, part: torch.nn.Module, optimizer: torch.optim.Optimizer, state: Descent) -> None:
-        """Write, now and then.
+        """Write the state, at most once in :data:`EVERY_S`.
 
         Args:
-            stage: its name.
-            part, optimizer: of the stage, as they are now.
-            state: where the descent is.
+            stage: name of the stage.
+            part, optimizer: those of the stage, in their present state.
+            state: state of the descent.
         """
         if self._path is None or time.monotonic() - self._written < EVERY_S:
             return
@@ -92,11 +92,11 @@ class Checkpoint:
         self._write(tensors, about)
 
     def finish(self, stage: str, part: torch.nn.Module) -> None:
-        """A stage is done; it is not begun again."""
+        """Mark a stage as done, so that it is not trained again."""
         self._done |= {f"{stage} best {name}": value.clone() for name, value in part.state_dict().items()}
 
     def remove(self) -> None:
-        """All is done."""
+        """Remove the file after the training."""
         if self._path is not None:
             self._path.unlink(missing_ok=True)
 
@@ -117,7 +117,7 @@ class Checkpoint:
                     return {}, {}
                 return {name: file.get_tensor(name) for name in file.keys()}, about  # noqa: SIM118
         except (OSError, SafetensorError, ValueError, KeyError):
-            return {}, {}  # damaged: training begins anew
+            return {}, {}  # damaged: training starts again
 
 
 def _named(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:

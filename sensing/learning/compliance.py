@@ -1,10 +1,11 @@
-"""Physics inverse, for comparison: the place and force whose compliance field explains the picture best.
+"""Physics inverse, for comparison: the place and force whose compliance field fits the picture best.
 
 A force at a place deforms the shell, to first order, in proportion: field = B(tilt, azimuth) (normal, meridian,
-lateral). By the shell's symmetry B at any azimuth is B at azimuth 0 turned, so B is fitted once per tilt, from samples
-of known place turned to azimuth 0 (the compliance that the sensor itself shows), and taken linearly between tilts.
-The inverse tries all places on a grid, each by linear least squares, and keeps the best. Torque is that of the force at
-its place: a single contact on the undeformed sphere. Fields in pixels of the 200 x 200 crop; N, N m, degrees.
+lateral). By the shell's symmetry B at any azimuth is B at azimuth 0 turned, so B is fitted once per tilt, to samples
+of known place turned to azimuth 0 (the measured compliance of the sensor itself), and interpolated linearly between
+tilts. The inverse solves a linear least-squares problem for every place on a grid and keeps the best. The torque is
+that of the force at its place: a single contact on the undeformed sphere. Fields in pixels of the 200 x 200 crop;
+N, N m, degrees.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from sensing.learning.samples import Samples
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3  # of the mean square of the columns: separates weak directions from noise
-AZIMUTH_STEP_DEG = 5.0
-BETWEEN_TILTS = 4
+AZIMUTH_STEP_DEG = 5.0  # of the grid
+BETWEEN_TILTS = 4  # grid steps between two fitted tilts
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class ComplianceInverse:
     """Places on a grid, each with its linear inverse.
 
     Attributes:
-        directions: (K, 3) outward at each place.
-        basis: (K, 2 H W, 3) orthonormal columns that span its fields.
+        directions: (K, 3) outward unit vector at each place.
+        basis: (K, 2 H W, 3) orthonormal columns that span the fields of each place.
         inverse: (K, 6, 2 H W) field to wrench about the sphere's centre.
     """
 
@@ -40,14 +41,14 @@ class ComplianceInverse:
     inverse: Array
 
     def predict(self, inputs: Array) -> Array:
-        """(N, 6) wrenches about the sphere's centre, from (N, 2 H W)."""
+        """(N, 6) wrenches about the sphere's centre, from (N, 2 H W) fields."""
         explained = np.einsum("nd,kdc->nkc", inputs, self.basis, optimize=True)
         best = (explained**2).sum(axis=2).argmax(axis=1)
         return np.stack([self.inverse[k] @ x for k, x in zip(best, inputs, strict=True)])
 
 
 def fit_compliance(samples: Samples) -> ComplianceInverse:
-    """Fit to samples of known contact place.
+    """Fit the inverse to samples of known contact place.
 
     Raises:
         ParameterError: samples without tilt, or without contact.
@@ -64,10 +65,10 @@ def fit_compliance(samples: Samples) -> ComplianceInverse:
 
 
 def turned_field(field: Array, angle_deg: float) -> Array:
-    """(2, H, W) field of a contact turned about the axis by an angle (x toward y), bilinear."""
+    """(2, H, W) field of a contact turned about the axis by an angle (from x to y), bilinear interpolation."""
     height, width = field.shape[1:]
     centre = ((width - 1) / 2, (height - 1) / 2)
-    matrix = cv2.getRotationMatrix2D(centre, -angle_deg, 1.0)  # OpenCV's angle runs the other way, y being down
+    matrix = cv2.getRotationMatrix2D(centre, -angle_deg, 1.0)  # OpenCV's angle has the opposite sign: y is down
     moved = [cv2.warpAffine(channel, matrix, (width, height), flags=cv2.INTER_LINEAR) for channel in field]
     cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return np.stack([cos * moved[0] - sin * moved[1], sin * moved[0] + cos * moved[1]])

@@ -1,7 +1,7 @@
-"""The models that ours is measured against, fitted to the same loading paths, and what each sees of a frame.
+"""The models that ours is compared with, fitted to the same loading paths, and the fields that each of them uses.
 
 Ours and ridge learn from domain-randomised sensors' marker fields, the physics inverse and the paper's model from
-pictures (their methods know no noise model); all are tested on pictures through the real tracker or the released
+pictures (their methods have no noise model); all are tested on pictures through the real tracker or the released
 pipeline. Wrenches on the endcap about the sphere's centre, N and N m.
 """
 
@@ -21,21 +21,21 @@ from sensing.learning.samples import MARKERS, ROW_ARRAYS, SHAPE, Samples, read_s
 from sensing.wrench.model import WrenchModel
 
 Array = NDArray[np.float64]
-RELEASED_SHAPE = (30, 30)  # P, NET06
-HELD_SHARE = 0.15
-HELD_TILT_DEG = (25.0, 35.0)
-HELD_FRICTION = 0.8  # and above
+RELEASED_SHAPE = (30, 30)  # P, NET06: grid of the released field
+HELD_SHARE = 0.15  # part of the frames or paths that is held out
+HELD_TILT_DEG = (25.0, 35.0)  # tilts that are held out
+HELD_FRICTION = 0.8  # least Coulomb coefficient of the paths that are held out
 Answer = Callable[["Views"], tuple[Array, Array | None, NDArray[np.bool_] | None]]
 
 
 @dataclass(frozen=True)
 class Views:
-    """The same frames as each model sees them.
+    """The same frames as fields for each kind of model.
 
     Attributes:
-        dots: tracked on the pictures.
-        gelslim: the released field (None where it is not asked for).
-        markers: domain-randomised sensors' views of the same loading paths; for training only.
+        dots: fields of dots tracked in the pictures.
+        gelslim: the released field (None if it is not needed).
+        markers: fields of domain-randomised sensors on the same loading paths; for training only.
     """
 
     dots: Samples
@@ -43,7 +43,7 @@ class Views:
     markers: Samples | None = None
 
     def where(self, keep: Callable[[Samples], NDArray[np.bool_]]) -> Views:
-        """Those frames of all views that a rule keeps."""
+        """The frames of all views that a rule selects."""
         parts = [None if s is None else s.take(keep(s)) for s in (self.dots, self.gelslim, self.markers)]
         assert parts[0] is not None
         return Views(parts[0], parts[1], parts[2])
@@ -52,14 +52,14 @@ class Views:
 def read_views(
     folders: Sequence[Path], released: bool, markers: bool, shape: tuple[int, int] = SHAPE, radial: Array | None = None
 ) -> Views:
-    """Read folders of one design.
+    """Read the views of folders of one design.
 
     Args:
-        folders: of labelled frames.
+        folders: folders of labelled frames.
         released: whether the released field is needed.
-        markers: whether training is meant.
+        markers: whether the fields of domain-randomised sensors are needed.
         shape: (H, W) of our field.
-        radial: of the weights (:func:`sensing.learning.samples.read_samples`).
+        radial: radial map of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
         ParameterError: folders of different designs.
@@ -75,13 +75,13 @@ def read_views(
 def read_all(
     folders: Sequence[Path], method: str, shape: tuple[int, int] = SHAPE, radial: Array | None = None
 ) -> Samples:
-    """Samples of several folders of one design, in one.
+    """Samples of several folders of one design, joined.
 
     Args:
-        folders: of labelled frames.
-        method: of the field.
+        folders: folders of labelled frames.
+        method: method of the field.
         shape: (H, W) of the field.
-        radial: of the weights (:func:`sensing.learning.samples.read_samples`).
+        radial: radial map of the weights (:func:`sensing.learning.samples.read_samples`).
 
     Raises:
         ParameterError: folders of different designs.
@@ -100,13 +100,13 @@ def read_all(
 
 
 def held_out(views: Views, what: str, seed: int = 0) -> tuple[Views, Views]:
-    """(rest, held) of one data set.
+    """(rest, held out) parts of one data set.
 
     Args:
         views: all samples of the data set.
         what: ``random`` frames as the paper draws them (neighbours in time on both sides), whole ``path``s, ``pose``:
             all tilts between 25 and 35 degrees, or ``friction``: all above 0.8.
-        seed: of the random choices of ``random`` and ``path``.
+        seed: seed of the random choices of ``random`` and ``path``.
 
     Raises:
         ParameterError: an unknown name, or nothing on one side.
@@ -133,13 +133,13 @@ def frame_keys(samples: Samples) -> NDArray[np.str_]:
 
 
 def fitted(train: Views, ours: WrenchModel | None, paper_epochs: int, seed: int = 0) -> dict[str, Answer]:
-    """Every model by name, fitted to the training views; ours as given.
+    """Every model by name, fitted to the training views; ours unchanged.
 
     Args:
         train: the training views.
-        ours: our model, if it is to be among them.
-        paper_epochs: of the paper's recipe.
-        seed: of the paper's recipe.
+        ours: our model; None leaves it out.
+        paper_epochs: number of epochs of the paper's recipe.
+        seed: seed of the paper's recipe.
     """
     from sensing.learning.compliance import fit_compliance
     from sensing.learning.ridge import fit_ridge
@@ -166,7 +166,7 @@ def _part(names: NDArray, seed: int) -> NDArray:
 
 
 def _paper(train: Samples, epochs: int, seed: int) -> Answer:
-    """The paper's recipe: the best epoch on a random part of the training frames, as the paper has it."""
+    """The paper's recipe: weights of the best epoch on a random part of the training frames, as in the paper."""
     from sensing.learning.paper_recipe import train_paper_model
     from sensing.wrench.paper_model import predict
 

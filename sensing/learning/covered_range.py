@@ -1,7 +1,7 @@
 """Limits of the training data, beyond which a wrench is flagged ``out_of_range`` (px, degrees, N of D=130 T=8).
 
 A contact unlike those of training (a ball where planes were learned) bends the skin in ways that the principal fields
-do not hold. What they leave grows with the load, so the limit does, too.
+do not span. The residual that they leave grows with the load, and so does the limit.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from sensing.wrench.range import Range, contact_angle_deg, range_measures
 from sensing.wrench.tensors import pattern_of
 
 Array = NDArray[np.float64]
-RANGE_MARGIN = 1.3  # E: over what training shows
-LIGHT_N = 2.0  # E: under this force a field is little more than noise
-OFTEN_ENOUGH = 0.999  # E: share of the samples that counts as learnt
-USUALLY = 0.9  # share of the samples in which a usual cell is valid
+RANGE_MARGIN = 1.3  # E: factor on the limits of the training data
+LIGHT_N = 2.0  # E: force below which a field is mostly noise
+OFTEN_ENOUGH = 0.999  # E: part of the samples that lies within the limits
+USUALLY = 0.9  # part of the samples in which a usual cell is valid
 
 
 def covered_range(
     weights: dict[str, NDArray[np.float32]], samples: Samples, config: FitConfig, side: int, start: WrenchModel | None
 ) -> Range:
-    """Range of weights, from the samples that they learned from.
+    """Range of weights, from their training samples.
 
     Args:
-        weights: tensors by name.
-        samples: learned from, in the loads of D=130 T=8 (:mod:`sensing.learning.reference_loads`).
-        config: says which symmetries were used.
-        side: cells along one side of the square grid.
-        start: weights that were fine-tuned, in the same loads; what they knew stays known.
+        weights: tensors of the weights by name.
+        samples: training samples, in the loads of D=130 T=8 (:mod:`sensing.learning.reference_loads`).
+        config: settings of the training, for its symmetries.
+        side: number of cells along a side of the square grid.
+        start: weights that were fine-tuned, in the same loads; their range stays covered.
     """
     principal, back = weights["principal"].astype(np.float64), pattern_of(weights)
     measures = []
@@ -50,18 +50,18 @@ def covered_range(
     if start is not None:  # it still covers the range of the weights that it started from
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
-        if np.array_equal(back, pattern_of(start.weights)):  # more fields leave less
+        if np.array_equal(back, pattern_of(start.weights)):  # more fields leave a smaller residual
             least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
     cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
     return Range(distance, least, cells, force, tilt, slope)
 
 
 def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:
-    """Limits of the rest that the principal fields leave: without load, px, and its increase, px/N.
+    """Limits of the residual that the principal fields leave: without load, px, and increase with the load, px/N.
 
     Args:
-        rest_px: (N,) of the samples.
-        force_n: (N,) norms of their forces.
+        rest_px: (N,) residuals of the samples, px.
+        force_n: (N,) norms of their forces, N.
     """
     light = force_n < LIGHT_N
     if light.all() or not light.any():

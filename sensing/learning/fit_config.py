@@ -1,4 +1,4 @@
-"""Knobs of training (apart from torch, so that a command line can list them without loading it)."""
+"""Settings of training (apart from torch, so that a command line can list them without loading it)."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from sensing.learning.symmetry import COUNT
 
 @dataclass(frozen=True)
 class FitConfig:
-    """Knobs of training.
+    """Settings of training.
 
     Attributes:
-        components: principal fields.
-        hidden: width of the mean's perceptron.
-        doubting: of the covariance's.
-        depth: hidden layers of the mean, two or three.
-        epochs: passes over the training data for the mean; the covariance takes a third of them more.
-        seconds: stop the mean after so long, if sooner; the covariance after a third of it.
-        rate: AdamW's first, falling to zero.
-        batch: samples in a step.
-        decay: AdamW's weight decay.
-        symmetric: use the eight symmetries of the square.
-        seed: of the random numbers.
-        device: torch's, for example ``cpu`` or ``cuda``.
+        components: number of principal fields.
+        hidden: width of the perceptron of the mean.
+        doubting: width of the perceptron of the covariance.
+        depth: number of hidden layers of the mean, two or three.
+        epochs: passes over the training data for the mean; a third of them more for the covariance.
+        seconds: longest time for the mean, s; a third of it for the covariance.
+        rate: first learning rate of AdamW, falling to zero.
+        batch: number of samples in a step.
+        decay: weight decay of AdamW.
+        symmetric: whether the eight symmetries of the square are used.
+        seed: seed of the random numbers.
+        device: torch's name of the device, for example ``cpu`` or ``cuda``.
 
     Raises:
         ParameterError: a number out of range.
@@ -55,5 +55,5 @@ class FitConfig:
 
     @property
     def symmetries(self) -> range:
-        """Numbers of the symmetries in use."""
+        """Numbers of the symmetries that are used."""
         return range(COUNT if self.symmetric else 1)

@@ -1,15 +1,15 @@
 """Fits our network to samples: principal fields, straight and bent part, covariance, calibration, range.
 
-Paths are parted three ways: training, validation (which epoch is best, and more data for the covariance), calibration
-(how wide the covariance must be), so that nothing is judged on what it was fitted to. Each axis counts in its own unit
+Paths are divided into three parts: training, validation (choice of the epoch, and further data for the covariance) and
+calibration (scale of the covariance), so that nothing is tested on its training data. Each axis counts in its own unit
 (:data:`sensing.learning.ridge.UNITS`), and errors under load count less (:func:`sensing.wrench.model.tolerance`), in
 the loads of D=130 T=8 whatever the endcap (:mod:`sensing.learning.reference_loads`).
-Equal samples and settings give equal weights on one machine; ``seconds`` alone makes them depend on its speed.
+Equal samples and settings give equal weights on one machine; with ``seconds`` they depend on its speed.
 
 Notes:
     The calibration of an axis is the 95 % quantile of |error| / sigma on the calibration paths over 1.96, each path
-    with the same weight. It is an estimate, no guarantee: the paths are few, and the sensors those of training.
-    Intervals that hold on other sensors take pictures of other sensors (:mod:`sensing.evaluation.intervals`).
+    with the same weight. It is an estimate without guarantee: the paths are few, and the sensors are those of training.
+    Intervals that hold on other sensors need pictures of other sensors (:mod:`sensing.evaluation.intervals`).
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from sensing.wrench.tensors import RADIAL
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
-RIDGE_SHARE = 1e-4  # of the mean square principal part: the straight answer begins there, and is trained on
-LARGEST_INTERVAL_N = 0.75  # E: half width of a 95 % interval beyond which an answer is flagged: errors on bodies
-# that training has not seen exceed their interval, and those over 1 N are to be flagged
-BLOCK, JUDGED = 65536, 7  # samples whose residuals are made at a time; every so many judge the covariance
-HELD = 40  # E: paths that are enough to choose an epoch, or to scale the covariance; more of them teach nothing
-GAIN_SHARE = 1e-3  # of the mean square answer: how firmly fine-tuning begins from no change
+RIDGE_SHARE = 1e-4  # of the mean square principal part: regularisation of the linear map from which training starts
+# E: half width of a 95 % interval above which an answer is flagged, so that errors over 1 N on unseen bodies are.
+LARGEST_INTERVAL_N = 0.75
+BLOCK, JUDGED = 65536, 7  # samples whose residuals are computed at a time; every seventh validates the covariance
+HELD = 40  # E: paths that suffice to choose an epoch, or to scale the covariance; the others train
+GAIN_SHARE = 1e-3  # of the mean square answer: regularisation of fine-tuning toward no change
 
 
 def fit(
@@ -61,19 +61,19 @@ def fit(
     pictures: Samples | None = None,
     others: Samples | None = None,
 ) -> WrenchModel:
-    """Train on samples of one design.
+    """Train weights on samples of one design.
 
     Args:
         samples: at least three loading paths.
         config: size of the network and settings of the training.
-        start: weights to go on from (fine-tuning): the answers are first mapped onto the new labels, then the
-            perceptrons learn on, with more principal fields where ``config`` has more.
+        start: weights that are fine-tuned: their answers are first mapped to the new labels, then the perceptrons are
+            trained further, with more principal fields where ``config`` has more.
         progress: called after each epoch with (part, seconds, error).
-        checkpoint: file that is kept during training; an interrupted run of the same samples and settings goes on.
-        pictures: the same paths through the real tracker, where there are pictures; the covariance is then scaled on
-            those of its calibration paths: domain-randomised sensors are not wrong in every way in which a real one is.
+        checkpoint: file of the training's state; an interrupted training with the same samples and settings continues.
+        pictures: the same paths through the real tracker, if there are pictures; the covariance is then scaled on
+            those of its calibration paths, because domain-randomised sensors lack some errors of real ones.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
-            ``out_of_range`` fires where that leaves a force uncertain by over :data:`LARGEST_INTERVAL_N`.
+            ``out_of_range`` is raised where that makes the interval of a force exceed :data:`LARGEST_INTERVAL_N`.
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
@@ -127,7 +127,7 @@ def _tensors(net: WrenchNet, train: Samples, start: WrenchModel | None) -> dict[
 
 
 def _straight(samples: Samples, principal: Array, side: int) -> Array:
-    """(6, D) least-squares linear map from the principal fields P (K, D): what they do not span is mostly noise.
+    """(6, D) least-squares linear map of the principal parts by P (K, D): the rest of a field is mostly noise.
 
     It is fitted to the samples and their symmetric copies; ``side`` is the number of cells along a side.
     """
@@ -159,7 +159,7 @@ def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet
 
 
 def _grown(net: WrenchNet, samples: Samples, components: int) -> WrenchNet:
-    """The same answers with more principal fields: the leading ones of what its own leave of new samples."""
+    """The same answers with more principal fields: the leading ones of the new samples' residuals."""
     old = net.principal.detach().numpy().astype(float)
     size, side = old.shape[1], samples.fields.shape[2]
     gram, known = np.zeros((size, size)), old.T @ np.linalg.pinv(old).T
@@ -178,7 +178,7 @@ def _grown(net: WrenchNet, samples: Samples, components: int) -> WrenchNet:
 
 
 def _gain(start: WrenchModel, samples: Samples) -> Array:
-    """(6, 6) that takes the old answers to the new labels, near the identity: a few samples show another stiffness."""
+    """(6, 6) map from the old answers to the new labels, near the identity: few samples show another stiffness."""
     reported, reported_for = start.predict(samples.inputs)[0] / UNITS, samples.wrenches / UNITS
     gram = reported.T @ reported
     damping = GAIN_SHARE * float(np.trace(gram)) / 6 + 1e-9
@@ -187,8 +187,8 @@ def _gain(start: WrenchModel, samples: Samples) -> Array:
 
 
 def _parts(net: WrenchNet, samples: Samples, config: FitConfig, copies: int = COUNT) -> list[Tensor]:
-    """Principal parts z (M, K), linear answers (M, 6) and labels (M, 6), with the symmetric copies: x is not needed
-    again, because principal fields and linear part stand fast."""
+    """Principal parts z (M, K), linear answers (M, 6) and labels (M, 6), with the symmetric copies; they replace x,
+    because principal fields and linear part are fixed."""
     side, numbers = samples.fields.shape[2], list(config.symmetries)[:copies]
     sizes = (len(net.principal), *(2 * (len(net.units),)))
     found = [torch.empty(len(numbers) * len(samples), size, device=config.device) for size in sizes]
@@ -207,7 +207,7 @@ def _fit_mean(
     net: WrenchNet, train: list[Tensor], held: list[Tensor], config: FitConfig, progress: Progress | None,
     kept: Checkpoint,
 ) -> Bent:  # fmt: skip
-    """Train on the Huber loss in units and tolerances; returns the best epoch's mean on the validation paths."""
+    """Train the mean on the Huber loss in units and tolerances; returns the best epoch's on the validation paths."""
     bent = Bent(net.mean).to(config.device)
 
     def loss(z: Tensor, rest: Tensor, allowed: Tensor) -> Tensor:
@@ -226,7 +226,7 @@ def _fit_mean(
 def _fit_spread(
     net: WrenchNet, bent: Bent, parts: list[Tensor], config: FitConfig, progress: Progress | None, kept: Checkpoint
 ) -> None:
-    """Gaussian score of the residuals, the mean held fast."""
+    """Train the covariance on the Gaussian score of the residuals; the mean is fixed."""
     with torch.inference_mode():
         residual = torch.cat([
             (labels - linear) / net.units - bent(z)
@@ -253,7 +253,7 @@ def _descend(
     progress: Progress | None,
     kept: Checkpoint,
 ) -> None:
-    """AdamW with a rate that falls to zero over the epochs (or seconds) allowed; keeps the best weights."""
+    """Train with AdamW and a rate that falls to zero over the epochs (or seconds) allowed; keeps the best weights."""
     name, part = stage
     epochs, seconds = int(np.ceil(config.epochs * effort)), config.seconds * effort
     optimizer = torch.optim.AdamW(part.parameters(), lr=config.rate, weight_decay=config.decay)
@@ -282,7 +282,7 @@ def _descend(
 
 
 def _calibrate(net: WrenchNet, views: list[Samples], paths: NDArray[np.str_]) -> None:
-    """Scale the covariance on the first of the views that shows some of the paths."""
+    """Scale the covariance on the first of the views that contains some of the paths."""
     parts = [view.take(np.isin(view.path, paths)) for view in views]
     held = next(part for part in parts if len(part))
     with torch.inference_mode():

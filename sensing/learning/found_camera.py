@@ -1,7 +1,7 @@
-"""The camera of a labelled set as a user finds it: from its first untouched picture, not from the simulator.
+"""The camera of a labelled set, calibrated as a user would: from its first untouched picture, not from the simulator.
 
-And what such a calibration leaves, for the domain-randomised sensors of training: its own stated covariance. Focal
-length and height of the pupil are left open together (correlation -0.99), so that fields scale by far less than either.
+The module also gives the uncertainty of such a calibration, its own stated covariance, for domain-randomised sensors.
+Focal length and pupil height are hardly separated (correlation -0.99), so that fields change by far less than either.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
 
 RECORDED = "recorded"  # protocol of sets that sensing.record wrote
-FRAME_PX = (640, 480)
-PAINT_PX = 1.2  # of a painted dot from its place, along each axis (M: docs/optics.md, 1.6 to 2 px of distance, rms)
+FRAME_PX = (640, 480)  # width and height of the calibrated pictures
+PAINT_PX = 1.2  # error of a painted dot's place along each axis (M: docs/optics.md, 1.6 to 2 px of distance, rms)
 
 
 def camera_of_set(data: LabelledSet) -> MountedCamera | None:
-    """The camera that live would use: the one that lies beside a recording, else that of the first reference picture.
+    """The camera that the live pipeline would use: the file beside a recording, else that of the first reference.
 
-    Of simulated frames always the latter, for theirs is the true one.
+    For simulated frames it is always the latter, because the file beside them is the true camera.
 
     Returns:
-        None for the nominal one.
+        The camera; None for the nominal one.
 
     Raises:
         FileError: a camera file of another endcap, or a set without frames.
@@ -50,13 +50,13 @@ def camera_of_set(data: LabelledSet) -> MountedCamera | None:
 
 
 def camera_file(data: LabelledSet) -> Path | None:
-    """The camera file that lies beside a recording; None where there is none, and of simulated frames."""
+    """The camera file beside a recording; None without one, and for simulated frames."""
     beside = data.folder / "camera.json"
     return beside if data.manifest["request"]["protocol"] == RECORDED and beside.exists() else None
 
 
 def found_camera(data: LabelledSet) -> MountedCamera:
-    """What ``python -m sensing.calibrate`` finds on the first reference picture of a set.
+    """The result of ``python -m sensing.calibrate`` on the first reference picture of a set.
 
     Raises:
         FileError: a set without frames.
@@ -73,10 +73,10 @@ def _first_reference(data: LabelledSet) -> Frame:
 
 
 def left_by_calibration(design: EndcapParams) -> NDArray[np.float64]:
-    """(11, 11) covariance of a camera as designed, calibrated from hand-painted dots (sensing.camera.parameters).
+    """(11, 11) covariance of the designed camera, calibrated from hand-painted dots (sensing.camera.parameters).
 
     Args:
-        design: the endcap.
+        design: design of the endcap.
 
     Raises:
         CalibrationError: a pattern from which no camera can be calibrated.

@@ -6,9 +6,9 @@
 Layout (``meta/info.json``, ``meta/tasks.parquet``, ``meta/episodes``, ``data``): that of lerobot 0.4. Pictures are the
 JPEGs as they are in the set, inside the parquet files. Features: ``observation.images.endcap``; ``observation.state``,
 the wrench on the endcap at the origin of its frame (N, N m); ``observation.contact``; ``observation.time_s``, the true
-time within the path; ``path``, its number: runs of one path have seen the same motion, and must stay on one
-side of a split. ``timestamp`` is frame over rate, as the format wants it. There is no ``action``: a plane presses, not
-a robot.
+time within the path; ``path``, its number: runs of one path have the same motion, and must stay on one
+side of a split. ``timestamp`` is frame over rate, as the format prescribes. There is no ``action``: a plane presses,
+not a robot.
 """
 
 from __future__ import annotations
@@ -27,24 +27,26 @@ from cad.whole_file import new_folder
 from sensing.decode import decode_gray
 from sensing.records_labelled import LabelledFrame, LabelledSet
 
-VERSION = "v3.0"
-RATE_HZ = 30
+VERSION = "v3.0"  # of the format
+RATE_HZ = 30  # frame rate of ``timestamp``
+# Names of the features.
 IMAGE, STATE, CONTACT = "observation.images.endcap", "observation.state", "observation.contact"
 TIME, PATH = "observation.time_s", "path"
+# Names of the six components of the state.
 WRENCH = ("force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm", "torque_z_nm")
-COUNTERS = ("frame_index", "episode_index", "index", "task_index")
-FILE_MB, FILES_IN_CHUNK = 100, 1000  # the format's own
-STATS_PICTURES = 100  # looked at for the mean of the pictures
-PATTERN = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+COUNTERS = ("frame_index", "episode_index", "index", "task_index")  # columns that the format prescribes
+FILE_MB, FILES_IN_CHUNK = 100, 1000  # defaults of the format
+STATS_PICTURES = 100  # number of pictures for their statistics
+PATTERN = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"  # paths of the data files
 
 
 def write_lerobot(data: LabelledSet, folder: Path, task: str = "") -> int:
-    """Write all frames; the folder appears when all of it is there, or not at all.
+    """Write all frames of a set; the folder is written whole or not at all.
 
     Args:
         data: labelled frames with pictures.
-        folder: a new or empty one.
-        task: words for what is done; empty for the protocol's.
+        folder: folder that is new or empty.
+        task: description of the task; empty for the protocol's.
 
     Returns:
         Number of frames.
@@ -70,7 +72,7 @@ def _runs(data: LabelledSet) -> Iterator[list[LabelledFrame]]:
 
 
 class _Writer:
-    """Collects episodes into files of some hundred MB; pyarrow is loaded here, since only this format needs it."""
+    """Collects episodes into files of some hundred MB; only this format needs pyarrow, which is loaded here."""
 
     def __init__(self, place: Path) -> None:
         import pyarrow
@@ -85,12 +87,12 @@ class _Writer:
         self._stream: Any = None
 
     def add(self, episode: int, frames: Sequence[LabelledFrame], task: str) -> None:
-        """One episode.
+        """Add one episode.
 
         Args:
-            episode: its number.
-            frames: in order of time.
-            task: in words.
+            episode: number of the episode.
+            frames: its frames in order of time.
+            task: description of the task.
         """
         count = len(frames)
         jpegs = [item.frame.jpeg or b"" for item in frames]
@@ -121,7 +123,7 @@ class _Writer:
         self.frames += count
 
     def finish(self, task: str) -> None:
-        """Close the files and write what describes them."""
+        """Close the data files and write the metadata."""
         if self._stream is not None:
             self._stream.close()
         if not self.frames:
@@ -137,7 +139,7 @@ class _Writer:
         (meta / "stats.json").write_text(json.dumps(self._stats(), indent=4) + "\n")
 
     def _write(self, columns: dict[str, NDArray[Any]], jpegs: list[bytes]) -> None:
-        """Rows of an episode, in a new file where the last one is full."""
+        """Write the rows of an episode, into a new file where the last one is full."""
         arrow = self._arrow
         picture = arrow.struct([("bytes", arrow.binary()), ("path", arrow.string())])
         arrays = {IMAGE: arrow.array([{"bytes": jpeg, "path": None} for jpeg in jpegs], picture)}
@@ -197,7 +199,7 @@ def _column(name: str | None, field: str, kind: str, numpy_kind: str) -> dict[st
     return {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy_kind, "metadata": None}
 
 
-_PANDAS = {  # tasks are the index of that table, which lerobot reads with pandas
+_PANDAS = {  # the tasks are the index of their table, which lerobot reads with pandas
     "index_columns": ["__index_level_0__"],
     "column_indexes": [],
     "columns": [

@@ -1,14 +1,14 @@
-"""Shear fields of labelled states without pictures, as a tracker gives them on domain-randomised sensors; for training.
+"""Shear fields of labelled states without pictures, as of tracked dots on domain-randomised sensors; for training.
 
-Rendering and tracking a frame costs a hundred times more than this, and one sensor's paint and mounting say nothing
-about the next one's. So every loading path is seen by several domain-randomised sensors: what calibration leaves of
-the camera (:mod:`sensing.tracking.model_input` takes out the rest), dots painted beside their place or not at all,
+Rendering and tracking a frame takes a hundred times as long, and one sensor's paint and mounting do not represent
+others. So several domain-randomised sensors have every loading path, with the errors that calibration leaves of
+the camera (:mod:`sensing.tracking.model_input` removes the rest), dots painted beside their place or not at all, and
 tracking noise as measured on rendered frames (``python bench/bench_wrench.py tracking``). Tests use pictures and the
 real tracker.
 
-Displacements are those that windows show, where a set has them (``outline_mm``): a window sees its dot's outline, and
-where the skin bulges the outline moves 0.2 to 0.5 % less than the centre; taken for the centre, every force would come
-out too small by as much and more.
+Displacements are those that windows show, if a set has them (``outline_mm``): a window tracks its dot's outline, and
+where the skin bulges the outline moves 0.2 to 0.5 % less than the centre; taken for the centre, every force would be
+too small by as much and more.
 
 Displacements in mm (endcap frame) and full-size pixels; fields in pixels of the 200 x 200 crop.
 """
@@ -36,17 +36,17 @@ BORDER_PX = 9.0  # a dot whose centre is this near to the frame's edge is cut, a
 
 @dataclass(frozen=True)
 class Scatter:
-    """How sensors and their tracking differ (standard deviations).
+    """Differences between sensors and errors of their tracking (standard deviations).
 
     Attributes:
-        camera: of the camera, times what a calibration from a rest picture leaves of it
+        camera: factor on the camera's uncertainty after a calibration from a rest picture
             (:func:`sensing.learning.found_camera.left_by_calibration`).
-        paint_px: of a painted dot from its place.
-        unseen: share of dots not found.
-        still_px, moving_px, share: tracking error of one axis at rest, of a dot that has moved (its share at a
-            displacement: :func:`sensing.wrench.dot_noise.moved_part`), and as a share of its displacement.
-            Compression and sampling err alike in every picture of a dot at rest, which cancels; a dot that has moved
-            by a third of a pixel meets other pixels (M: bench/tracker_noise.py).
+        paint_px: error of a painted dot's place, px.
+        unseen: part of the dots that are not found.
+        still_px, moving_px, share: tracking error of one axis, px: of a dot at rest; of one that has moved (its share at
+            a displacement: :func:`sensing.wrench.dot_noise.moved_part`); and as part of its displacement. Compression
+            and sampling cause equal errors in every picture of a dot at rest, which cancel; a dot that has moved by a
+            third of a pixel lies on other pixels (M: bench/tracker_noise.py).
     """
 
     camera: float = 1.0
@@ -57,22 +57,22 @@ class Scatter:
     share: float = 0.006
 
     def tracking_px(self, far_px: Array) -> Array:
-        """Standard deviation of an axis of a tracked dot that has moved so far, px."""
+        """Standard deviation of an axis of a tracked dot after a displacement, px."""
         squares = self.still_px**2 + (self.moving_px * moved_part(far_px)) ** 2 + (self.share * far_px) ** 2
         return np.asarray(np.sqrt(squares))
 
 
-PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+PLAIN = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sensor without errors
 
 
 class MarkerSensor:
     """One domain-randomised sensor.
 
     Args:
-        design: the endcap.
+        design: design of the endcap.
         shape: (H, W) of its fields.
-        scatter: how it differs from the nominal one.
-        rng: draws the sensor, and the noise of every frame.
+        scatter: its differences from the nominal sensor.
+        rng: random numbers of the sensor and of the noise of every frame.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class MarkerSensor:
         self.operator: FieldOperator = field_operator(self._place + self._beside, FRAME_PX, shape)
 
     def fields(self, moved_mm: NDArray) -> NDArray[np.float32]:
-        """(N, 2, H, W) fields of displacements (N, d, 3) of all dots of the pattern, as windows show them."""
+        """(N, 2, H, W) fields of displacements (N, d, 3), mm, of all dots of the pattern, as windows show them."""
         moved = self._pixels(self.rest_mm[self._seen] + moved_mm[:, self._seen]) - self._place
         slope = np.einsum("kd,ndc->nkc", self._gradient, moved, optimize=True)  # x, then y derivatives at the dots
         count = len(self._place)
@@ -106,7 +106,7 @@ class MarkerSensor:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """(H, W) cells that a dot reaches."""
+        """(H, W) whether a dot determines the cell."""
         return self.operator.reached
 
     def _pixels(self, points_mm: Array) -> Array:
@@ -115,6 +115,6 @@ class MarkerSensor:
 
 @lru_cache(maxsize=8)
 def _root(design: EndcapParams) -> Array:
-    """(11, 11) whose product with itself is the covariance that calibration leaves."""
+    """(11, 11) symmetric square root of the covariance that calibration leaves."""
     values, vectors = np.linalg.eigh(left_by_calibration(design))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -20,19 +20,19 @@ from torch.nn.functional import linear, silu, softplus
 from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel
 from sensing.wrench.tensors import BESIDE, ONSET
 
-OUTPUTS = 6
-FACTOR = 21  # of a lower triangle
+OUTPUTS = 6  # components of a wrench
+FACTOR = 21  # entries of a lower triangle
 
 
 class WrenchNet(nn.Module):
-    """The network of the module's text.
+    """The network in the module's text.
 
     Args:
-        inputs: 2 H W.
-        components: rows of P.
+        inputs: number of inputs, 2 H W.
+        components: number of rows of P.
         hidden: width of the perceptron of the mean.
-        doubting: of the other.
-        depth: hidden layers of the mean.
+        doubting: width of the perceptron of the covariance.
+        depth: number of hidden layers of the mean.
     """
 
     def __init__(self, inputs: int, components: int, hidden: int, doubting: int, depth: int) -> None:
@@ -53,7 +53,7 @@ class WrenchNet(nn.Module):
         nn.init.zeros_(self.spread[-1].weight)  # type: ignore[arg-type]  # training starts from a constant covariance
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, 2 H W) to wrenches (B, 6) and factors (B, 6, 12) of their covariances C = F F'."""
+        """Wrenches (B, 6) and factors (B, 6, 12) of their covariances C = F F', from fields (B, 2 H W)."""
         z = x @ self.principal.T
         value, scaled = x @ self.linear.T + self.mean(z) * self.units, (self.calibration * self.units)[:, None]
         force = value[:, :3].norm(dim=1, keepdim=True)
@@ -61,7 +61,7 @@ class WrenchNet(nn.Module):
         return value, torch.cat([self.factor(z) * scaled, tracking], dim=2)
 
     def factor(self, z: Tensor) -> Tensor:
-        """(B, 6, 6) lower triangular, in units, before calibration, from principal parts (B, components)."""
+        """(B, 6, 6) lower triangular factors, in units, before calibration, from principal parts (B, components)."""
         raw = self.spread(z)
         rows, columns = torch.tril_indices(OUTPUTS, OUTPUTS)
         square = raw.new_zeros(len(raw), OUTPUTS, OUTPUTS)
@@ -74,7 +74,7 @@ class WrenchNet(nn.Module):
 class Bent(nn.Module):
     """The trained part of the mean: a linear map plus a perceptron that corrects it.
 
-    The linear part W of :class:`WrenchNet` stands fast in training; :meth:`into` adds the line to it at the end.
+    The linear part W of :class:`WrenchNet` is fixed in training; :meth:`into` adds this linear map to it at the end.
     """
 
     def __init__(self, mean: Anchored) -> None:
@@ -84,18 +84,18 @@ class Bent(nn.Module):
         nn.init.zeros_(self.straight.weight)
 
     def forward(self, z: Tensor) -> Tensor:
-        """(B, components) to (B, 6), in units."""
+        """Means (B, 6), in units, from principal parts (B, components)."""
         line: Tensor = self.straight(z)
         return line + self.mean(z)
 
     def into(self, net: WrenchNet) -> None:
-        """Make the line a part of a network's W."""
+        """Add the linear map to W of a network."""
         with torch.no_grad():
             net.linear.add_(net.units[:, None] * (self.straight.weight @ net.principal))
 
 
 class Anchored(nn.Module):
-    """Perceptron that is exactly zero at zero; it starts as zero everywhere.
+    """Perceptron that is exactly zero at zero; before training it is zero everywhere.
 
     Args:
         inputs: number of inputs.
@@ -113,7 +113,7 @@ class Anchored(nn.Module):
         nn.init.zeros_(self.last.weight)
 
     def forward(self, z: Tensor) -> Tensor:
-        """(B, inputs) to (B, 6)."""
+        """Outputs (B, 6) of inputs (B, inputs)."""
         for name in LAYERS[: self.depth]:
             layer = getattr(self, name)
             z = silu(linear(z, layer.weight) + layer.bias) - silu(layer.bias)
@@ -121,7 +121,7 @@ class Anchored(nn.Module):
 
 
 def as_net(model: WrenchModel) -> WrenchNet:
-    """The torch twin of a model, for training and export."""
+    """A model as a torch network, for training and export."""
     weights = {name: torch.from_numpy(value.copy()) for name, value in model.weights.items() if name not in BESIDE}
     components, inputs = model.weights["principal"].shape
     widths = len(weights["mean.first.bias"]), len(weights["spread.0.bias"])

@@ -1,7 +1,7 @@
 """The paper's training, as published (P, NET11 to NET14): Adam 1e-3, batches of 32, 100 epochs, best validation.
 
 The loss is the mean square over six axes, N and N m mixed; the split is random over samples that follow one another in
-time, so neighbours of training samples are tested on. Kept as it is for comparison; our own training is
+time, so neighbours of training samples are tested on. It is unchanged for comparison; our own training is
 :mod:`sensing.train`.
 """
 
@@ -31,8 +31,8 @@ class PaperResult:
 
     Attributes:
         model: weights of the epoch with the lowest validation error.
-        best_epoch: its number from 1.
-        train_mse, test_mse, validation_mse: mean over samples and axes, N and N m mixed.
+        best_epoch: its number, from 1.
+        train_mse, test_mse, validation_mse: mean squared error over samples and axes, N and N m mixed.
         history: (epochs, 2) training loss and validation error.
     """
 
@@ -63,10 +63,10 @@ def train_paper_model(
 
     Args:
         fields: (N, 2, 30, 30).
-        wrenches: (N, 6) labels.
-        seed: of weights, split and order.
-        epochs: the paper's 100.
-        split: indices for training, test, validation; the paper's random one if not given.
+        wrenches: (N, 6) labels, N and N m.
+        seed: seed of weights, split and order.
+        epochs: number of epochs; the paper has 100.
+        split: indices for training, test, validation; None for the paper's random one.
         progress: called after each epoch with (epoch, training loss, validation error).
 
     Raises:

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 
 def path_quantile(values: NDArray, path: NDArray[np.str_], level: float) -> NDArray:
-    """(A,) smallest values of (N, A) below or at which ``level`` of the weight lies, column by column.
+    """(A,) smallest values of (N, A) at or below which ``level`` of the weight lies, column by column.
 
     Args:
-        values: (N, A).
+        values: (N, A) values, one row for each frame.
         path: (N,) identity of each row's path.
         level: in (0, 1]; 1 gives the largest.
     """

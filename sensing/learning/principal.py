@@ -1,12 +1,12 @@
 """Principal fields: directions in which fields vary most with the contact, relative to the variation between sensors.
 
 Notes:
-    With T the second moments of the fields of all samples, and N those of what the views of one state differ by
-    (several domain-randomised sensors see each), the directions v with the largest v'(T - N)v / v'Tv come first: that
-    share of the variance along v is the contact's, the rest is paint, camera and tracking. Where no state is seen twice
-    (own recordings) N is unknown, and the directions of largest variance come first. Moments hold all symmetric copies.
-    Nothing is centred, so that zero stays zero. A direction is not the field that it stands for: parts z = P x make the
-    field A z, A = T P' (P T P')^-1, the least squares of the samples on their parts.
+    With T the second moments of the fields of all samples, and N those of the differences between views of one state
+    (several domain-randomised sensors have each), the directions v with the largest v'(T - N)v / v'Tv come first: this
+    part of the variance along v is due to the contact, the rest to paint, camera and tracking. If no state has several
+    views (own recordings) N is unknown, and the directions of largest variance come first. Moments contain all
+    symmetric copies. Nothing is centred, so that zero stays zero. A direction differs from the field that it
+    represents: parts z = P x give the field A z, A = T P' (P T P')^-1, the least squares of the samples on their parts.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from sensing.wrench.tensors import PATTERN
 
 Array = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]
-BLOCK = 8192  # samples at a time: all of a large set as doubles would fill the memory
-NOTHING = 1e-9  # of the largest variance: below it a direction holds rounding only
+BLOCK = 8192  # samples at a time: a large set as doubles would fill the memory
+NOTHING = 1e-9  # of the largest variance; a direction below it consists of rounding
 
 
 def principal_fields(samples: Samples, count: int) -> Array:
-    """(count, 2 H W) directions, at most, scaled so that each part P x has variance 1 over the samples.
+    """(count, 2 H W) directions, or fewer, scaled so that each part P x has variance 1 over the samples.
 
     Args:
-        samples: of one design, with square fields.
-        count: directions wanted.
+        samples: samples of one design, with square fields.
+        count: largest number of directions.
 
     Raises:
         ParameterError: fields that are all zero.
@@ -39,12 +39,12 @@ def principal_fields(samples: Samples, count: int) -> Array:
 
 
 def leading(total: Array, noise: Array, count: int) -> Array:
-    """(count, D) directions, at most, with the largest share of ``total`` (D, D) that is not ``noise`` (D, D).
+    """(count, D) directions, or fewer, with the largest part of ``total`` (D, D) that is not ``noise`` (D, D).
 
     Args:
         total: second moments of the fields.
         noise: second moments of the noise in the fields; zero where it is unknown.
-        count: directions wanted.
+        count: largest number of directions.
 
     Raises:
         ParameterError: moments that are all zero.
@@ -63,13 +63,13 @@ def leading(total: Array, noise: Array, count: int) -> Array:
 
 
 def pattern_tensor(principal: NDArray[np.float32], samples: Samples, start: Weights | None) -> Weights:
-    """``pattern`` (2 H W, K) of weights, the fields that their principal parts stand for, by its name.
+    """``pattern`` (2 H W, K) of weights by its name: the fields that the principal parts represent.
 
     Args:
         principal: (K, 2 H W) directions.
-        samples: of one design, with square fields.
-        start: tensors of the weights that were fine-tuned, whose pattern stays unless there are more directions now;
-            none where they have none.
+        samples: samples of one design, with square fields.
+        start: tensors of the weights that were fine-tuned, whose pattern is kept unless there are more directions now;
+            None without such weights.
     """
     if start is not None and len(start["principal"]) == len(principal):
         return {name: start[name] for name in PATTERN if name in start}
@@ -79,7 +79,7 @@ def pattern_tensor(principal: NDArray[np.float32], samples: Samples, start: Weig
 
 
 def second_moments(samples: Samples) -> tuple[Array, Array]:
-    """((D, D) of all fields, (D, D) of what views of a state differ by), means over samples and symmetric copies."""
+    """((D, D) moments of all fields, (D, D) of differences between views), means over samples and symmetric copies."""
     size, side = 2 * samples.fields[0, 0].size, samples.fields.shape[2]
     total, noise, compared = np.zeros((size, size)), np.zeros((size, size)), 0
     for rows in same_states(samples):
@@ -96,7 +96,7 @@ def second_moments(samples: Samples) -> tuple[Array, Array]:
 
 
 def same_states(samples: Samples) -> list[NDArray[np.intp]]:
-    """Rows of the samples in blocks (S, V): each block holds S states that V sensors have seen."""
+    """Rows of the samples in blocks (S, V): S states, each with the views of V sensors."""
     keys = [np.unique(column, return_inverse=True)[1] for column in (samples.path, samples.azimuth_deg, samples.time_s)]
     _, number, views = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(number.ravel(), kind="stable")

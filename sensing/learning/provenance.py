@@ -16,13 +16,13 @@ from sensing.wrench.model import WrenchModel
 def provenance(
     samples: Samples, config: FitConfig, start: WrenchModel | None, others: Samples | None = None
 ) -> dict[str, Any]:
-    """Plain JSON of a training. Folders are named without the way to them.
+    """Provenance of a training as plain JSON. Folders are named without their parents.
 
     Args:
-        samples: that were learned from.
-        config: knobs of it.
+        samples: training samples.
+        config: settings of the training.
         start: weights that were fine-tuned; their own training is kept, and its paths count as known.
-        others: that the covariance alone learned from; their paths count as known, too.
+        others: samples of the covariance alone; their paths count as known, too.
     """
     before = None if start is None else start.about.get("training")
     known = set((before or {}).get("paths", ()))

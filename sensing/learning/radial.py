@@ -1,13 +1,13 @@
-"""How far the skin moves toward the camera, learnt from simulated states as a linear map of the field.
+"""Radial displacement of the skin, learned from simulated states as a linear map of the field.
 
     tensors = radial_tensors(["exports/data"], (16, 16))            # of the weights, beside those of the network
 
-One camera does not see it, and the wrench needs no number of it; but a camera beside its nominal place sees the
-parallax that it makes, and :mod:`sensing.tracking.parallax` takes that out.
+One camera does not measure it, and the wrench does not need it; but a camera beside its nominal place has a parallax
+that depends on it, which :mod:`sensing.tracking.parallax` removes.
 
 Notes:
-    Ridge regression (X'X + lambda I)^-1 X'Y of the radial displacement Y in the cells (of what windows show of the
-    dots, smoothed as fields are) on the fields X of domain-randomised sensors, with all eight symmetric copies. The
+    Ridge regression (X'X + lambda I)^-1 X'Y of the radial displacement Y in the cells (of dots as windows show them,
+    smoothed as fields are) on the fields X of domain-randomised sensors, with all eight symmetric copies. The
     directions of the answer that vary most over the states are kept: M = C F, of rank 32. On paths held out (D=130,
     T=8) 4 to 10 % of Y is left (rms).
 """
@@ -33,21 +33,21 @@ from sensing.tracking.field_operator import displacement_to_cells
 
 Array = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]
-STATES, SENSORS = 16_000, 32  # E: states looked at, over all folders, and sensors that see them
-DAMPING = 1e-3  # E: of the mean square of the inputs
-RANK = 32  # E: more leaves less than sensors' noise does
-BEYOND_PX = 60.0  # dots this far outside the picture still say how the skin moves in its outer cells
+STATES, SENSORS = 16_000, 32  # E: number of states over all folders, and of the sensors that view them
+DAMPING = 1e-3  # E: lambda over the mean square of the inputs
+RANK = 32  # E: a larger rank improves less than the sensors' noise
+BEYOND_PX = 60.0  # dots this far outside the picture still determine the skin's motion in its outer cells
 
 
 def radial_tensors(folders: Sequence[str | Path], shape: tuple[int, int]) -> Weights:
-    """``radial.parts`` (R, 2 H W) and ``radial.cells`` (H W, R) of weights; none where no set has dots in mm.
+    """``radial.parts`` (R, 2 H W) and ``radial.cells`` (H W, R) of weights; empty if no set has dots in mm.
 
     Args:
-        folders: of labelled frames of one design.
+        folders: folders of labelled frames of one design.
         shape: (H, W) of the field, square.
 
     Raises:
-        FileError: a folder that cannot be read, or that is not whole.
+        FileError: a folder that cannot be read, or that is incomplete.
     """
     sets = _sets_with_dots(folders)
     if not sets:
@@ -70,11 +70,11 @@ def radial_tensors(folders: Sequence[str | Path], shape: tuple[int, int]) -> Wei
 
 
 class _Skin:
-    """Radial displacement in the cells, of the dots of a design.
+    """Radial displacement in the cells, for the dots of a design.
 
     Args:
-        design: the endcap.
-        rest_mm: (d, 3) its dots at rest.
+        design: design of the endcap.
+        rest_mm: (d, 3) its dots at rest, mm.
         shape: (H, W) of the cells.
     """
 
@@ -85,13 +85,13 @@ class _Skin:
         self._to_cells = displacement_to_cells(place[self._near], FRAME_PX, shape)
 
     def raised(self, moved_mm: Array) -> Array:
-        """(N, H W) mm, outward positive, of displacements (N, d, 3)."""
+        """(N, H W) radial displacement, mm, outward positive, of displacements (N, d, 3), mm."""
         radius = np.linalg.norm(self._rest + moved_mm, axis=2) - np.linalg.norm(self._rest, axis=1)
         return np.asarray(radius[:, self._near] @ self._to_cells)
 
 
 def _sets_with_dots(folders: Sequence[str | Path]) -> list[LabelledSet]:
-    """Sets of the first one's design that hold the motion of every dot (recordings of real endcaps do not)."""
+    """Sets of the first one's design with the motion of every dot (recordings of real endcaps have none)."""
     sets = [LabelledSet(folder) for folder in folders]
     for data in sets:
         data.require_whole()
@@ -101,9 +101,9 @@ def _sets_with_dots(folders: Sequence[str | Path]) -> list[LabelledSet]:
 
 
 def _ranked(gram: Array, moment: Array) -> Weights:
-    """The ridge solution of moments X'X (D, D) and X'Y (D, C), of the leading directions of its answers."""
+    """The ridge solution of moments X'X (D, D) and X'Y (D, C), reduced to the leading directions of its answers."""
     if not gram.any():
-        return {}  # states at rest alone say nothing
+        return {}  # states at rest alone determine nothing
     damped = gram + DAMPING * np.trace(gram) / len(gram) * np.eye(len(gram))
     root = np.linalg.cholesky(damped)
     half = np.linalg.solve(root, moment)  # L' M': its squares are those of the answers

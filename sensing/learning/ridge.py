@@ -2,7 +2,7 @@
 
 Notes:
     W = argmin sum |W x - w|^2 + lambda |W|^2 (Hoerl, Kennard 1970, doi:10.1080/00401706.1970.10488634), lambda chosen
-    by leaving whole paths out. With the symmetries of the square as eight copies of every sample. Solved by the
+    by leaving whole paths out. The symmetries of the square give eight copies of every sample. Solved by the
     eigenvalues of X'X; lambda is at least 1e-10 of the largest, so duplicated or constant samples do no harm.
 """
 
@@ -15,19 +15,19 @@ from cad.errors import ParameterError
 from sensing.learning.symmetry import symmetric_moments
 
 Array = NDArray[np.float64]
-SHARES = 10.0 ** np.arange(-10.0, 0.5)  # lambda over the largest eigenvalue
-UNITS = np.array([0.15] * 3 + [0.02] * 3)  # N and N m: the goals' errors, so that axes weigh alike
-FOLDS = 5
-ALONE = 1e-4  # share where there is but one path
+SHARES = 10.0 ** np.arange(-10.0, 0.5)  # candidates of lambda over the largest eigenvalue
+UNITS = np.array([0.15] * 3 + [0.02] * 3)  # N and N m: the target errors, which give all axes the same weight
+FOLDS = 5  # groups of paths in the choice of lambda
+ALONE = 1e-4  # lambda over the largest eigenvalue with a single path
 
 
 def fit_ridge(inputs: Array, wrenches: Array, path: NDArray, side: int) -> tuple[Array, float]:
-    """Weights (6, 2 side side) and the share lambda / largest eigenvalue that was chosen.
+    """Weights (6, 2 side side), and the chosen lambda over the largest eigenvalue.
 
     Args:
         inputs: (N, 2 side side) fields, px.
-        wrenches: (N, 6), N and N m.
-        path: (N,) identity of the loading paths.
+        wrenches: (N, 6) labels, N and N m.
+        path: (N,) identity of each sample's loading path.
         side: number of cells along a side of the field.
 
     Raises:

@@ -4,7 +4,7 @@
     train, test = samples.split(0.2, seed=1)                     # whole paths
 
 Fields in pixels of the 200 x 200 crop; wrenches on the endcap about the sphere's centre, N and N m
-(:mod:`sensing.frames`). Every path has an identity (protocol, seed, number): equal identities have seen the same
+(:mod:`sensing.frames`). Every path has an identity (protocol, seed, number): paths of equal identity have the same
 motion, and :func:`shared_between` finds them.
 """
 
@@ -37,9 +37,10 @@ from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import model_input
 from sensing.tracking.zero import single_zero
 
-SHAPE = (16, 16)  # cells for our model: about as many numbers as the dots give
-MARKERS = "markers"
-SENSORS, VIEWS = 64, 4  # domain-randomised sensors of a set, and how many see each run
+SHAPE = (16, 16)  # cells of our model: about as many numbers as the dots give
+MARKERS = "markers"  # method of fields without pictures
+SENSORS, VIEWS = 64, 4  # number of domain-randomised sensors of a set, and of those that view each run
+# Arrays of the samples, in the order of their cache.
 ROW_ARRAYS = (
     "fields",
     "valid",
@@ -59,18 +60,18 @@ class Samples:
     """N samples of one design.
 
     Attributes:
-        fields: (N, 2, H, W) float32, as the method gives them where not valid too.
-        valid: (N, H, W) bool.
-        wrenches: (N, 6) on the endcap about the sphere's centre.
+        fields: (N, 2, H, W) float32, px; cells that are not valid hold the method's values, too.
+        valid: (N, H, W) bool, whether the field is valid.
+        wrenches: (N, 6) on the endcap about the sphere's centre, N and N m.
         path: (N,) str identity of the loading path.
-        phase: (N,) str.
-        time_s: (N,) capture time within the path.
-        contact: (N,) bool.
-        tilt_deg, azimuth_deg, friction: (N,) pose and plane, NaN where unknown.
-        design: the endcap.
-        method: of the field.
-        source: folder it came from.
-        identity: what the endcap is made of; None for one of this toolkit's pattern and default silicone.
+        phase: (N,) str, phase of the path.
+        time_s: (N,) capture time within the path, s.
+        contact: (N,) bool, whether anything touches.
+        tilt_deg, azimuth_deg, friction: (N,) place of contact, degrees, and Coulomb's mu; NaN where unknown.
+        design: design of the endcap.
+        method: method of the field.
+        source: folder of the frames.
+        identity: identity of the endcap; None for this toolkit's pattern and default silicone.
     """
 
     fields: NDArray[np.float32]
@@ -112,7 +113,7 @@ class Samples:
         return (self.fields * disc_cells(self.fields.shape[2:])).reshape(len(self), -1).astype(float)
 
     def blocks(self, rows: int = 16384) -> Iterator[Samples]:
-        """The samples in order, some at a time: ``inputs`` of a large set at once would fill the memory."""
+        """The samples in order, in blocks: ``inputs`` of a large set at once would fill the memory."""
         for start in range(0, len(self), rows):
             yield self.take(np.arange(start, min(start + rows, len(self))))
 
@@ -122,16 +123,16 @@ class Samples:
         return hashlib.sha256(self.fields.tobytes() + self.wrenches.tobytes()).hexdigest()
 
     def take(self, rows: NDArray) -> Samples:
-        """Some of the samples, by index or mask."""
+        """The samples that an index or a mask selects."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROW_ARRAYS})
 
     def split(self, share: float, seed: int, most: int = 10**9) -> tuple[Samples, Samples]:
         """(rest, about ``share`` of the paths, ``most`` at most): whole paths, at random, at least one on each side.
 
         Args:
-            share: of the paths.
-            seed: of the draw.
-            most: paths of the second part.
+            share: part of the paths, 0..1.
+            seed: seed of the random choice.
+            most: largest number of paths of the second part.
 
         Raises:
             ParameterError: fewer than two paths.
@@ -147,7 +148,7 @@ class Samples:
 
 
 def shared_between(train: Samples, test: Samples) -> list[str]:
-    """What training and test have in common and must not: paths, contact poses, identical pictures."""
+    """Paths, contact poses and pictures that training and test share, although they must not."""
     found = [f"path {name}" for name in sorted(set(train.path) & set(test.path))]
     poses = [
         {
@@ -167,17 +168,17 @@ def read_samples(
 ) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Fields are kept beside the data until it changes, or the camera file of a recording.
+    Fields are cached beside the data until the data change, or the camera file of a recording.
 
     Args:
-        folder: of the frames.
-        method: of the field. ``markers`` takes the fields that domain-randomised sensors would see
-            (:mod:`sensing.learning.marker_fields`) instead of tracking the pictures; they stand for those of ``dots``.
+        folder: folder of the frames.
+        method: method of the field. ``markers`` takes the fields of domain-randomised sensors
+            (:mod:`sensing.learning.marker_fields`) instead of tracking the pictures; they represent those of ``dots``.
         shape: (H, W) of the field.
-        radial: of the weights that will read tracked pictures (:attr:`sensing.wrench.model.WrenchModel.radial`).
+        radial: radial map of weights for tracked pictures (:attr:`sensing.wrench.model.WrenchModel.radial`).
 
     Raises:
-        FileError: no such set, one that is not whole, or one of another dot pattern or camera than this toolkit's.
+        FileError: no such set, an incomplete one, or one of another dot pattern or camera than this toolkit's.
         ParameterError: unknown method.
     """
     data = LabelledSet(folder)
@@ -210,7 +211,7 @@ def read_samples(
 def _tracked(
     data: LabelledSet, design: EndcapParams, method: str, shape: tuple[int, int], radial: NDArray[np.float64] | None
 ) -> Iterator[tuple[Any, ...]]:
-    """Rows in the order of :data:`ROW_ARRAYS`, from the pictures."""
+    """Rows in the order of :data:`ROW_ARRAYS`, from tracked pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     worker: FieldMethod | None = None
     now, camera = None, camera_of_set(data) if method == "dots" else None
@@ -228,7 +229,7 @@ def _tracked(
 
 
 def _marked(data: LabelledSet, design: EndcapParams, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:
-    """The same from the labels: every run as :data:`VIEWS` of :data:`SENSORS` domain-randomised sensors see it."""
+    """Rows from the labels: every run as :data:`VIEWS` of :data:`SENSORS` domain-randomised sensors view it."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     rng = np.random.default_rng(int(data.manifest["request"]["seed"]))
     sensors = [MarkerSensor(design, shape, Scatter(), rng) for _ in range(SENSORS)]
@@ -248,7 +249,7 @@ def _marked(data: LabelledSet, design: EndcapParams, shape: tuple[int, int]) -> 
 
 
 def shown_column(data: LabelledSet) -> str:
-    """Column of a dot's motion as a window sees it: that of its outline, or of its centre in sets without outlines."""
+    """Column of a dot's motion as a window shows it: of its outline, or of its centre in sets without outlines."""
     return "outline_mm" if "outline_mm" in data.manifest.get("columns", ()) else "dots_mm"
 
 

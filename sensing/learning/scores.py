@@ -1,7 +1,7 @@
-"""How wrong a model is: errors of each axis in its own unit, direction, contact, rest, coverage.
+"""Errors of a model: of each axis in its own unit, of direction, contact, rest, and coverage.
 
-Wrenches on the endcap about the sphere's centre, N and N m. ``mixed_mse`` averages N^2 and (N m)^2 as the paper does
-and serves comparison only.
+Wrenches on the endcap about the sphere's centre, N and N m. ``mixed_mse`` averages N^2 and (N m)^2 like the paper, for
+comparison only.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from cad.errors import ParameterError
 from sensing.wrench.range import NORMAL_95
 
 Array = NDArray[np.float64]
-AXES = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-CONTACT_N = 0.3  # contact counts from this true force on, at D=130 T=8
-DIRECTION_N = 1.0  # direction is judged from this true force on, likewise
+AXES = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")  # names of the axes, with units
+CONTACT_N = 0.3  # true force from which contact counts, at D=130 T=8
+DIRECTION_N = 1.0  # true force from which the direction is scored, at D=130 T=8
 
 
 @dataclass(frozen=True)
 class Score:
-    """Errors over N samples; NaN where there is none.
+    """Errors over N samples; NaN where there are none.
 
     Attributes:
         count: N.
-        rmse, mae: (6,) by axis.
-        mixed_mse: mean over samples and axes.
+        rmse, mae: (6,) root mean squared and mean absolute error by axis, N and N m.
+        mixed_mse: mean squared error over samples and axes.
         direction_deg: median angle between true and reported force, from ``DIRECTION_N`` on.
-        precision, recall: of contact at ``CONTACT_N``, both for truth and answer.
-        rest_n: largest force norm reported where nothing touches.
-        coverage: share of axes within 1.96 standard deviations.
-        flagged: share out of range.
-        lag_s: delay of the answers behind the truth, where it was looked for.
+        precision, recall: precision and recall of contact at ``CONTACT_N``, which applies to truth and answer.
+        rest_n: largest force norm without contact, N.
+        coverage: part of the axes within 1.96 standard deviations.
+        flagged: part of the samples out of range.
+        lag_s: delay of the answers behind the truth, s, if it was computed.
     """
 
     count: int
@@ -49,7 +49,7 @@ class Score:
     lag_s: float = float("nan")
 
     def row(self) -> dict[str, float]:
-        """Flat, for CSV."""
+        """The errors as flat numbers, for CSV."""
         flat = {f"rmse_{axis}": value for axis, value in zip(AXES, self.rmse, strict=True)}
         flat |= {f"mae_{axis}": value for axis, value in zip(AXES, self.mae, strict=True)}
         return flat | {k: v for k, v in asdict(self).items() if k not in ("rmse", "mae")}
@@ -63,14 +63,14 @@ def score(
     flagged: NDArray[np.bool_] | None = None,
     load_scale: float = 1.0,
 ) -> Score:
-    """Score answers (N, 6) against the truth (N, 6).
+    """Errors of answers (N, 6) against the truth (N, 6).
 
     Args:
-        reported, truth: wrenches.
+        reported, truth: wrenches, N and N m.
         contact: (N,) whether anything touches.
-        covariance: (N, 6, 6).
-        flagged: (N,) out of range.
-        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+        covariance: (N, 6, 6) covariances of the answers.
+        flagged: (N,) whether the answer is out of range.
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`).
 
     Raises:
         ParameterError: shapes that do not fit, or answers that are not finite.
@@ -108,7 +108,7 @@ def score(
 
 
 def table(scores: dict[str, Score]) -> str:
-    """Plain text, a line for each name."""
+    """Errors as plain text, a line for each name."""
     width = max(10, *(len(name) for name in scores))
     head = "".join(f"{axis:>9}" for axis in AXES)
     lines = [f"{'RMSE':<{width}}{head}   mixed  direction  precision  recall  rest N  coverage  flagged  lag ms"]

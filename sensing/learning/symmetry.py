@@ -1,4 +1,4 @@
-"""The eight symmetries of the square, which the endcap has about its axis: fields and wrenches turned and mirrored.
+"""The eight symmetries of the square, which the endcap has about its axis: rotated and mirrored fields and wrenches.
 
 A camera on the axis sees a contact turned by 90 degrees as the field turned by 90 degrees; a mirror image of a contact
 gives a mirrored field. Image x and y run along the endcap's x and y. Force is a vector; torque is a pseudo-vector, so a
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 
-COUNT = 8
-REACH = 1.05  # of half a side: beyond it lie the corners, where no dot is and a field is only guessed
+COUNT = 8  # number of symmetries
+REACH = 1.05  # of half a side; the corners lie beyond it, where no dot is and a field is extrapolated
 
 
 def plane_map(number: int) -> NDArray[np.float64]:
-    """(2, 2) of a symmetry 0..7: number % 4 quarter turns (x to y), from 4 on after the mirror x to -x."""
+    """(2, 2) matrix of a symmetry 0..7: number % 4 quarter turns (x to y), from 4 on after the mirror x to -x."""
     turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), number % 4)
     return turn @ np.diag([-1.0, 1.0]) if number >= 4 else turn
 
 
 def disc_cells(shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """(H, W) cells whose centre lies in the disc that dots cover."""
+    """(H, W) whether the cell's centre lies in the disc that dots cover."""
     rows, columns = ((np.arange(count) + 0.5) * 2 / count - 1 for count in shape)
     return np.hypot(rows[:, None], columns[None]) <= REACH
 
 
 def moved_wrenches(wrenches: NDArray[np.float64], number: int) -> NDArray[np.float64]:
-    """(N, 6) about a point on the axis, moved by a symmetry."""
+    """(N, 6) wrenches about a point on the axis, transformed by a symmetry."""
     M = np.eye(3)
     M[:2, :2] = plane_map(number)
     torque = M * np.linalg.det(M)
@@ -39,12 +39,12 @@ def moved_wrenches(wrenches: NDArray[np.float64], number: int) -> NDArray[np.flo
 
 
 def moved_inputs(inputs: NDArray[np.float64], number: int, side: int) -> NDArray[np.float64]:
-    """(N, 2 side side) fields of a square grid, moved by a symmetry.
+    """(N, 2 side side) fields of a square grid, transformed by a symmetry.
 
     Args:
-        inputs: (N, 2 side side).
-        number: of the symmetry, 0..7 (:func:`plane_map`).
-        side: cells along one side of the grid.
+        inputs: (N, 2 side side) fields.
+        number: number of the symmetry, 0..7 (:func:`plane_map`).
+        side: number of cells along a side of the grid.
     """
     order, sign = _permutation(number, side)
     return inputs[:, order] * sign
@@ -58,7 +58,7 @@ def symmetric_moments(
     Args:
         inputs: X (N, D), D = 2 side side.
         wrenches: Y (N, 6), N and N m.
-        side: cells along one side of the grid.
+        side: number of cells along a side of the grid.
     """
     moment, totals = inputs.T @ wrenches, np.zeros((inputs.shape[1], 6))
     for number in range(COUNT):
@@ -71,8 +71,8 @@ def symmetric_gram(gram: NDArray[np.float64], side: int) -> NDArray[np.float64]:
     """(D, D) sum over all eight copies of samples, from the X'X (D, D) of the samples alone.
 
     Args:
-        gram: of fields (D = 2 side side).
-        side: cells along one side of the square grid.
+        gram: X'X of fields X (D = 2 side side).
+        side: number of cells along a side of the square grid.
     """
     total = np.zeros_like(gram)
     for number in range(COUNT):
@@ -86,7 +86,7 @@ def symmetric_cell_moments(moment: NDArray[np.float64], side: int) -> NDArray[np
 
     Args:
         moment: X'Y of fields X (N, D = 2 C) and cells Y (N, C = side side).
-        side: cells along one side of the grid.
+        side: number of cells along a side of the grid.
     """
     total = np.zeros_like(moment)
     for number in range(COUNT):
@@ -97,7 +97,7 @@ def symmetric_cell_moments(moment: NDArray[np.float64], side: int) -> NDArray[np
 
 @lru_cache(maxsize=64)
 def _permutation(number: int, side: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Place and sign of every input after the symmetry M: the value at M p is M times the value at p."""
+    """Place and sign of every input after the symmetry M: the vector at M p is M times the vector at p."""
     if side < 1:
         raise ParameterError(f"side={side}: give a square field", name="side", value=side)
     M = plane_map(number)
@@ -107,7 +107,7 @@ def _permutation(number: int, side: int) -> tuple[NDArray[np.int64], NDArray[np.
     cell = np.rint(source).astype(int)
     flat = (cell[..., 1] * side + cell[..., 0]).ravel()
     order, sign = [], []
-    for axis in range(2):  # new component `axis` is the old one that M takes there
+    for axis in range(2):  # new component `axis` is the old one that M maps to it
         old = int(np.abs(M[axis]).argmax())
         order.append(flat + old * side * side)
         sign.append(np.full(side * side, M[axis, old]))

@@ -15,8 +15,8 @@ from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
-LAG_FRAMES = 10  # least that a lag is looked for in
-MOVING_N = 1.0  # least standard deviation of the force, likewise, at D=130 T=8
+LAG_FRAMES = 10  # fewest frame intervals of a run whose lag is searched
+MOVING_N = 1.0  # least standard deviation of a force component whose lag is searched, at D=130 T=8
 
 Array = NDArray[np.float64]
 
@@ -26,10 +26,10 @@ class _Run:
     """Filtered wrenches of one run and the truth, all at the n times for which they are reported.
 
     Attributes:
-        reported, truth: (n, 6), N and N m.
+        reported, truth: (n, 6) wrenches, N and N m.
         covariance: (n, 6, 6) of ``reported``.
-        contact: (n,) whether a frame beside that time has contact.
-        time_s: (n,).
+        contact: (n,) whether a frame next to that time has contact.
+        time_s: (n,) times, s.
     """
 
     reported: Array
@@ -43,9 +43,9 @@ def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict:
     """Score of filtered wrenches at capture time plus latency, against the truth at that time.
 
     Args:
-        model: estimates the wrenches of single frames.
+        model: model of the wrenches of single frames.
         test: frames; runs with too few for the latency are left out.
-        latency_s: time from the capture to the report.
+        latency_s: time from the capture to the report, s.
         predict: False reports the wrench of the capture time late, without prediction.
     """
     value, covariance = model.predict(test.inputs)
@@ -63,7 +63,7 @@ def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict:
 
 
 def _runs(test: Samples) -> Iterator[NDArray[np.int64]]:
-    """Rows of each run in the order of time; of states reported for one time, the last."""
+    """Rows of each run in the order of time; of several states reported for one time, the last."""
     run = np.array([f"{path} {azimuth}" for path, azimuth in zip(test.path, test.azimuth_deg, strict=True)])
     for name in np.unique(run):
         rows = np.flatnonzero(run == name)
@@ -100,11 +100,11 @@ def _lag_of_run(run: _Run, moving_n: float) -> float:
 
 
 def lag_s(reported: Array, truth: Array, times_s: Array) -> float:
-    """Delay of a wrench behind the truth, s: the shift of least misfit (vertex of the parabola through the best three).
+    """Delay of a wrench behind the truth, s: the shift of least misfit (vertex of the parabola through three shifts).
 
     Args:
         reported, truth: (n,) values of one axis.
-        times_s: (n,) of both, evenly spaced.
+        times_s: (n,) times of both, evenly spaced, s.
     """
     step = float(np.median(np.diff(times_s)))
     shifts = np.arange(-5, 6)

@@ -1,4 +1,4 @@
-"""Samples as torch takes them: for a network of one's own."""
+"""Samples as a torch data set, for own networks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class FieldDataset(Dataset[tuple[Tensor, Tensor]]):
     """(field (2, H, W) in px of the 200 x 200 crop, wrench (6,) in N and N m about the sphere's centre), float32.
 
     Args:
-        samples: what it holds; ``samples.split`` parts it by loading path, as a split by index must not.
+        samples: samples of the data set; ``samples.split`` divides them by path, which a split by index does not.
     """
 
     def __init__(self, samples: Samples) -> None:

@@ -3,8 +3,8 @@
 Notes:
     A single push has its line of action through the contact point; the line enters the sphere there. The full outer
     radius is used: against our finite elements the normal is then off by at most 1.9 degrees, and by 7 if the sphere
-    is shrunk by the indentation. Normal and ratio do not depend on the scale of the wrench, so that a silicone of
-    another stiffness leaves them as they are. Tangential force F and torque T about the normal share the friction of a
+    is shrunk by the indentation. Normal and ratio do not depend on the scale of the wrench, so a silicone of
+    another stiffness does not change them. Tangential force F and torque T about the normal share the friction of a
     contact, (F / mu)^2 + (T / lever)^2 = N^2 where it slips (an ellipsoid: Howe and Cutkosky 1996,
     doi:10.1177/027836499601500603), and it then moves along the ellipsoid's normal: at F lever^2 / (T mu^2) times the
     rate about its normal, against F. See also :func:`sensing.wrench.contact_place.line_of_action`.
@@ -23,12 +23,12 @@ from sensing.robot.settings import Settings
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.samples import FootSample
 
-# E: of a wrench without covariance: standard deviations, and the parts of the force's size that come on top
+# E: errors of a wrench without covariance: standard deviations, and additions in proportion to the force's size.
 FORCE_SD_N, TORQUE_SD_NM, SHARE, LEVER_SHARE_M = 0.2, 0.01, 0.02, 0.0005
-SPIN_SHARE = 0.3  # E: error of the needed coefficient where the torque uses all friction, as a part
+SPIN_SHARE = 0.3  # E: relative error of the needed coefficient where the torque uses all friction
 UNCONFIRMED = "unconfirmed"  # flag of a reading that waits for the next frame (sensing.live.core.gate)
-OUT_OF_RANGE = 2.0  # E: times the variance of a wrench that is flagged
-LEAST_PUSH = 0.1  # of the force: a line of action that grazes the sphere, or misses it, is that of no single contact
+OUT_OF_RANGE = 2.0  # E: factor on the variance of a flagged wrench
+LEAST_PUSH = 0.1  # normal over whole force; below it the line of action grazes or misses the sphere
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class Contact:
     """Contact from one sample; bar axes.
 
     Attributes:
-        touching: whether it touches; None where the sample leaves that open.
-        known: whether the numbers below count.
-        force_n: (3,) on the endcap.
-        normal: (3,) unit, out of the endcap.
-        push_n: along the normal.
+        touching: whether the endcap touches; None where the sample leaves that open.
+        known: whether the numbers below are valid.
+        force_n: (3,) force on the endcap, N.
+        normal: (3,) unit normal, out of the endcap.
+        push_n: normal force, N.
         ratio: tangential over normal force.
-        use: coefficient of friction that this needs beside the torque about the normal.
-        spin_m: that torque over the push.
+        use: least coefficient of friction for this force and the torque about the normal.
+        spin_m: that torque over the normal force, m.
         normal_sd, ratio_sd, use_sd: standard deviations (rad, 1).
     """
 
@@ -60,22 +60,22 @@ class Contact:
     use_sd: float
 
 
-_NOTHING = np.full(3, np.nan)
-_NO_NUMBERS = (math.nan,) * 6
+_NOTHING = np.full(3, np.nan)  # vector of a contact without valid numbers
+_NO_NUMBERS = (math.nan,) * 6  # scalars of a contact without valid numbers
 
 
 def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settings) -> Contact:
-    """Read one sample.
+    """Contact from one sample.
 
     Args:
-        sample: of the endcap.
-        endcap: its number.
-        layout, settings: of the estimator.
+        sample: sample of the endcap.
+        endcap: number of the endcap.
+        layout, settings: indices and assumptions of the estimator.
     """
     force = np.asarray(sample.force_n, float)
     torque = np.asarray(sample.torque_nm, float)
     size = math.sqrt(float(force @ force))
-    if UNCONFIRMED in sample.flags:  # its force is what the filter expected of this frame, and so is its contact bit
+    if UNCONFIRMED in sample.flags:  # its force and contact bit are predictions of the wrench filter
         return Contact(None, False, _NOTHING, _NOTHING, math.nan, *_NO_NUMBERS)
     if not math.isfinite(size + float(torque.sum())):
         return Contact(sample.touching, False, _NOTHING, _NOTHING, math.nan, *_NO_NUMBERS)

@@ -10,18 +10,18 @@ import numpy as np
 
 from sensing.compiled import SHORT
 
-STEP_N, STEP_NM = 1e-3, 1e-5
-LEAST_LEFT = 0.05  # part of the friction that a torque about the normal leaves at least
+STEP_N, STEP_NM = 1e-3, 1e-5  # steps of the finite differences
+LEAST_LEFT = 0.05  # least part of the friction that a torque about the normal leaves to the tangential force
 
 
 @numba.njit(**SHORT | {"fastmath": False})
 def line_of_action_slopes(wrench, radius, spin_lever):
-    """Where the line of action enters the sphere, and how much friction is in use there.
+    """Point at which the line of action enters the sphere, and the friction in use there, with their slopes.
 
     Args:
         wrench: (6,) on the endcap about the sphere's centre, N and N m.
         radius: outer radius, m.
-        spin_lever: torque about the normal that a newton of push holds, m.
+        spin_lever: largest torque about the normal over the normal force, m.
 
     Returns:
         (7,) outward normal, push (N), tangential over normal force, coefficient of friction that this and the torque

@@ -17,13 +17,13 @@ from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample
 from sensing.tensegrity.vectors import cross
 
-LONGEST_GAP_S = 0.15  # between readings of one contact; after a longer one it starts anew
+LONGEST_GAP_S = 0.15  # largest time between readings of one contact; after a longer one it starts again
 STAYS, STARTS = 0.7, 0.02  # E: probabilities that a slip continues, and that one starts at an unremarkable ratio
 LEAST, MOST = 1e-3, 0.999  # limits of the probability of slip
-STILL_M_S2 = 0.5  # acceleration below which the forces carry the weight
+STILL_M_S2 = 0.5  # acceleration below which the forces balance the weight
 MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
 FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # E: largest mean speed of a slip; torque over normal force that is only noise
-UP = np.array([0.0, 0.0, 1.0])
+UP = np.array([0.0, 0.0, 1.0])  # vertical of the world
 
 
 def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings: Settings) -> None:
@@ -33,7 +33,7 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
         state: predicted to the sample's time; it is changed.
         endcap: number of the endcap.
         sample: the reading.
-        layout, settings: of the estimator.
+        layout, settings: indices and assumptions of the estimator.
     """
     contact = contact_of(sample, endcap, layout, settings)
     since = state.time_s - state.contact_s[endcap]
@@ -60,7 +60,7 @@ def release(state: State, endcap: int, layout: Layout) -> None:
     Args:
         state: it is changed.
         endcap: number of the endcap.
-        layout: of the robot.
+        layout: indices of the robot.
     """
     at = layout.anchor(endcap)
     state.anchored[endcap], state.slips[endcap] = 0, 0.0
@@ -157,7 +157,7 @@ def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) ->
         state: it is changed.
         endcap: number of the endcap.
         turned_m: (3,) r t R |w| times the time step, m.
-        layout: of the robot.
+        layout: indices of the robot.
     """
     at = layout.anchor(endcap)
     state.anchor[endcap] -= turned_m * state.creep[0]

@@ -1,4 +1,4 @@
-"""By how much a dome yields under its contact, and where its centre would be without load."""
+"""Yield of a dome under its contact, and the position of its centre without load."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sensing.tensegrity.vectors import cross, minus_cross
 
 @dataclass(frozen=True)
 class DomeCentre:
-    """Where the centre of an unloaded dome would be, by the contact that it has.
+    """Position of the centre that a dome would have without load, from its contact.
 
     Attributes:
-        lever_m: (3,) from the bar's reference point, bar axes.
-        softens_m: (3,) by which a softness of one moves it.
+        lever_m: (3,) from the bar's reference point, bar axes, m.
+        softens_m: (3,) derivative of the lever by the softness, m.
     """
 
     lever_m: Array
@@ -27,17 +27,17 @@ class DomeCentre:
 
 
 def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, settings: Settings) -> DomeCentre:
-    """The unloaded dome above a contact.
+    """Centre of the unloaded dome above a contact.
 
-    A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: one that is just being pressed has
-    yielded less than its force says. Along the normal d' is the speed with which the bar's end nears the ground.
-    1 / k = (1 + b) ``compliance_m_n``: the softness b is a part of the state, so that its error is one in all domes.
+    A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: a dome that is being pressed has
+    yielded less than F / k. Along the normal d' is the speed at which the bar's end approaches the ground.
+    1 / k = (1 + b) ``compliance_m_n``: the softness b is part of the state, so that its error is common to all domes.
 
     Args:
-        state: with its velocities and the contact's normal.
-        endcap: its number.
-        contact: its force.
-        layout, settings: of the estimator.
+        state: state with its velocities and the contact's normal.
+        endcap: number of the endcap.
+        contact: contact with its force.
+        layout, settings: indices and assumptions of the estimator.
     """
     bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
     lever, yields = layout.endcap_lever[endcap], settings.compliance_m_n * contact.force_n
@@ -48,20 +48,20 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
 
 
 def unloaded(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
-    """Where the centre of an unloaded dome is.
+    """Position of the centre of an unloaded dome in the world.
 
     Args:
-        state: of the bars.
+        state: poses of the bars.
         endcap: number of the endcap.
-        centre: of its sphere.
-        layout: of the robot.
+        centre: centre of its sphere in the bar.
+        layout: indices of the robot.
 
     Returns:
-        (3,) world, m, (3, N) slopes of its error, less the turn of the leading bar.
+        (3,) m, world; (3, N) slopes of its error, without the rotation of the leading bar.
     """
     bar = int(layout.endcap_bar[endcap])
     point, slopes = point_slopes(state.turn, state.place, bar, centre.lever_m, layout.leader, layout.size)
-    # not of the anchor: a turn about the vertical must show in nothing, by no noise either
+    # not of the anchor, so that a rotation about the vertical changes nothing, noise included
     slopes[:, layout.turn(layout.leader)] -= minus_cross(point)
     slopes[:, layout.softness] = state.turn[bar] @ centre.softens_m
     return point, slopes

@@ -1,4 +1,4 @@
-"""Estimates of the robot at one time: records that page, recording and ROS take (m, s, N, rad).
+"""Estimates of the robot at one time: records for page, recording and ROS (m, s, N, rad).
 
 Bars and endcaps stand in the order of the robot's description; frames are those of
 :mod:`sensing.tensegrity.description`.
@@ -19,12 +19,12 @@ class BarEstimate:
     """One bar.
 
     Attributes:
-        name: of the bar.
-        T_world_bar: (4, 4) m.
-        velocity_m_s: (3,) of the bar's origin, world axes.
+        name: name of the bar.
+        T_world_bar: (4, 4) pose, m.
+        velocity_m_s: (3,) velocity of the bar's origin, world axes.
         rate_rad_s: (3,) angular velocity, world axes.
-        covariance: (9, 9) of origin, rotation (a turn about world axes) and velocity.
-        rate_covariance: (3, 3) of the angular velocity.
+        covariance: (9, 9) covariance of origin, rotation (rotation vector in world axes) and velocity.
+        rate_covariance: (3, 3) covariance of the angular velocity.
     """
 
     name: str
@@ -40,10 +40,10 @@ class Hold:
     """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading.
 
     Attributes:
-        holds: touches and stays.
-        rolls: without slip.
+        holds: the endcap touches and stays.
+        rolls: it rolls without slip.
         slips: its skin moves over the support.
-        free: touches nothing.
+        free: it touches nothing.
     """
 
     holds: float
@@ -63,14 +63,14 @@ class EndcapEstimate:
     """One endcap.
 
     Attributes:
-        name: of the endcap.
+        name: name of the endcap.
         centre_m: (3,) centre of its sphere, world.
-        covariance: (3, 3) of it.
-        hold: how it meets its support.
-        contact_m: (3,) where it touches, world.
+        covariance: (3, 3) covariance of the centre, m2.
+        hold: probabilities of its contact's state.
+        contact_m: (3,) contact point, world.
         normal: (3,) unit, out of the support, world.
         normal_sd_rad: standard deviation of the normal's direction, rad.
-        force_n: (3,) on the endcap, world axes.
+        force_n: (3,) force on the endcap, world axes.
         friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as all after ``hold``.
     """
 
@@ -88,15 +88,15 @@ class EndcapEstimate:
 
 @dataclass(frozen=True)
 class Health:
-    """Whether the answer agrees with the samples.
+    """Whether the estimate agrees with the samples.
 
     Attributes:
-        lengths_consistency, anchors_consistency: mean squared innovation over its variance, lately: below 1
-            where it is right, since variances hold errors that stay, too.
-        weight_ratio: sum of the vertical forces over the weight, lately; NaN while the robot accelerates.
-        rejected: lengths that did not fit, of the last sample.
-        ignored: samples with NaN, with numbers that no sensor measures, or too old, since the start.
-        notes: what is missing or does not fit, one line each.
+        lengths_consistency, anchors_consistency: fading mean of squared innovations over their variances: below 1 for a
+            correct model, since variances contain errors that stay, too.
+        weight_ratio: fading mean of the vertical forces' sum over the weight; NaN while the robot accelerates.
+        rejected: number of rejected lengths in the last sample.
+        ignored: number of samples with NaN, with impossible numbers, or too old, since the start.
+        notes: one line for each fault or missing sensor.
     """
 
     lengths_consistency: float
@@ -108,7 +108,7 @@ class Health:
 
     @property
     def good(self) -> bool:
-        """Whether nothing is missing and innovations are no larger than they should be."""
+        """Whether nothing is missing and innovations agree with their variances."""
         return not self.notes
 
 
@@ -117,15 +117,15 @@ class RobotEstimate:
     """The robot at one time.
 
     Attributes:
-        time_s: for which it holds.
-        measured_s: of the newest sample that it uses.
+        time_s: time of the estimate.
+        measured_s: capture time of the newest sample that it uses.
         bars, endcaps: in the order of the description.
-        centre_of_mass_m: (3,) world.
-        centre_of_mass_covariance: (3, 3).
-        friction, friction_sd: coefficient of friction of the supports as learned until now.
-        softness, softness_sd: part by which the domes yield more than ``Settings.compliance_m_n`` says, as learned
-            until now. Forces measured too small by that part look the same.
-        health: whether it agrees with the samples.
+        centre_of_mass_m: (3,) centre of mass, world.
+        centre_of_mass_covariance: (3, 3) its covariance, m2.
+        friction, friction_sd: mean and standard deviation of the supports' learned coefficient of friction.
+        softness, softness_sd: learned relative excess of the domes' yield over ``Settings.compliance_m_n``, and its
+            standard deviation; forces that are measured too small by that part have the same effect.
+        health: whether the estimate agrees with the samples.
     """
 
     time_s: float

@@ -5,8 +5,8 @@
     estimate = estimator.state()                        # at the newest sample; None until it has stood a while
     estimate = estimator.state(at=now_s)                # predicted to a later time, or as it was
 
-Samples may come late, twice or out of order: the answer depends on their capture times only. docs/robot.md says how the
-estimate is made.
+Samples may come late, twice or out of order: the estimate depends on their capture times only. docs/robot.md describes
+the method.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 @dataclass
 class _Progress:
-    """Measurements gathered before the start, and the state after it; both after a silence of the sensors.
+    """Measurements gathered before the start, and the state after it; both again after a silence of the sensors.
 
     Attributes:
-        gathered: None while no start is being prepared.
-        state: of the filter; None before the first start.
-        stands: whether the robot stood still while it was gathered.
-        began_s: time of the first state; NaN before.
+        gathered: measurements of the start; None while no start is being prepared.
+        state: state of the filter; None before the first start.
+        stands: whether the robot stood still while they were gathered.
+        began_s: time of the first state, s; NaN before.
     """
 
     gathered: Gathered | None
@@ -56,7 +56,7 @@ class RobotEstimator:
     """Estimates one robot from its samples; deterministic: the same samples give the same bits.
 
     Args:
-        robot: its description.
+        robot: description of the robot.
         settings: assumptions on sensors and contacts.
 
     Raises:
@@ -76,7 +76,7 @@ class RobotEstimator:
 
     @property
     def newest_s(self) -> float:
-        """Capture time of the newest sample; -inf before the first."""
+        """Capture time of the newest sample, s; -inf before the first."""
         return self._history.newest_s
 
     def imu(self, sample: InertialSample) -> None:
@@ -104,7 +104,7 @@ class RobotEstimator:
         """Estimate of the robot at a time; None before the start.
 
         Args:
-            at: time, s; None for that of the newest sample. For later times it is predicted with the last rates.
+            at: time, s; None for that of the newest sample. A later time is predicted with the last rates.
 
         Raises:
             ParameterError: a time that is not finite, or before the history that is kept.
@@ -127,7 +127,7 @@ class RobotEstimator:
         return report_of(state, measured_s, self._ignored, self.left_out(), self._layout, self.settings)
 
     def left_out(self) -> list[str]:
-        """One line for each kind of recent sample with impossible values; the health of an estimate has them, too."""
+        """One line for each kind of recent sample with impossible values; an estimate's health contains them, too."""
         return self._check.notes(self.newest_s)
 
     def _put(self, sample: AnySample) -> None:
@@ -152,7 +152,7 @@ class RobotEstimator:
         moving = moves(gathered, samples) or (doubted is not None and pauses(doubted))
         progress.stands &= not moving or waits
         again = nothing_gathered(self._layout, gathered.tried_s if doubted is None else time_s)
-        if moving and waits:  # it falls, rocks or walks: the gathered means are not those of a robot that stands
+        if moving and waits:  # it falls, rocks or walks, so the gathered means are not those at rest
             gathered = progress.gathered = again
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9

@@ -24,7 +24,7 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
-LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations added per sample then, rad and m
+LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 MEAN_WEIGHT = 0.02  # weight of a new value in the fading mean
 
@@ -50,13 +50,13 @@ class Filter:
         """Predict the state to a time and update it by all samples of that time.
 
         Args:
-            state: it is changed.
-            time_s: not before the time of the state.
-            samples: inertial ones first, then lengths, then endcaps.
+            state: state that is changed.
+            time_s: time, s, not before that of the state.
+            samples: inertial samples first, then lengths, then endcaps.
         """
         if state.held_s or unmeasured(state, time_s, self.layout):
             return self._hold(state, time_s, samples)
-        if time_s - state.time_s > SILENT_S:  # a sample must not stand for so long a time without any
+        if time_s - state.time_s > SILENT_S:  # one sample must not cover so long a silence
             self.predict(state, time_s - LONGEST_STEP_S, [])
         self.predict(state, time_s, [sample for sample in samples if isinstance(sample, InertialSample)])
         for sample in samples:
@@ -88,8 +88,8 @@ class Filter:
         """Predict step to a time.
 
         Args:
-            state: it is changed.
-            time_s: not before the time of the state.
+            state: state that is changed.
+            time_s: time, s, not before that of the state.
             samples: inertial samples of that time.
         """
         step = time_s - state.time_s
@@ -143,7 +143,7 @@ class Filter:
             )  # fmt: skip
 
     def _forget_softness(self, state: State, step_s: float) -> None:
-        """A stationary Gauss-Markov process: it never comes to be less known than at first."""
+        """Relax the softness by a stationary Gauss-Markov process, whose variance never exceeds the first one."""
         at, keep = self.layout.softness, float(np.exp(-step_s / self.settings.softness_stays_s))
         state.softness *= keep
         state.covariance[at] *= keep
@@ -167,9 +167,9 @@ class Filter:
         return noise
 
     def _walks(self, rate: Array, unknown: np.ndarray) -> tuple[Array, Array]:
-        """((B, 2) variances a second of the biases, (B,) 1/s by which those of gyroscopes decay).
+        """((B, 2) variances of the biases per second, (B,) decay rates of the gyroscope biases, 1/s).
 
-        Where a bar has no gyroscope its angular velocity stands there, with the opposite sign.
+        For a bar without gyroscope, the negative angular velocity takes the place of the bias.
         """
         settings, walk, fade = self.settings, self._walk, np.zeros(len(unknown))
         if unknown.any():
@@ -180,9 +180,9 @@ class Filter:
         return walk, fade
 
     def _unknown_rate(self, rate: Array) -> float:
-        """Noise of the rate of a bar that nobody measures, from those (n, 3) that are measured.
+        """Noise of the angular velocity of a bar without gyroscope, from those (n, 3) that are measured.
 
-        Where two stand, cables let a third one turn about itself at most; one alone may be what the others roll about.
+        Where two bars are at rest, cables let a third one turn only about itself; one alone may be the axis of a roll.
         """
         settings, most = self.settings, self.settings.unknown_rate_noise
         if len(rate) < 2:
@@ -190,11 +190,11 @@ class Filter:
         return min(most, settings.unknown_rate_least + settings.unknown_rate_share * _root_mean_square(rate))
 
     def lengths(self, state: State, sample: LengthSample) -> None:
-        """Take the lengths of the cables.
+        """Update step with the lengths of the cables.
 
         Args:
-            state: of the sample's time, is changed.
-            sample: of all measured cables.
+            state: state at the sample's time; it is changed.
+            sample: lengths of all measured cables.
         """
         layout = self.layout
         length, slopes = length_slopes(
@@ -226,7 +226,7 @@ class Filter:
 
 
 def _root_mean_square(rate: Array) -> float:
-    """Of angular velocities (n, 3)."""
+    """Root mean square of angular velocities (n, 3), rad/s."""
     return float(np.sqrt((rate**2).sum() / len(rate)))
 
 
@@ -234,9 +234,9 @@ def apply(state: State, change: Array, leader: int) -> None:
     """Add a correction to the state.
 
     Args:
-        state: is changed.
-        change: (N,).
-        leader: bar whose turn the errors of places refer to.
+        state: state that is changed.
+        change: (N,) correction of the error state.
+        leader: number of the bar whose rotation the errors of positions refer to.
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
@@ -245,7 +245,7 @@ def apply(state: State, change: Array, leader: int) -> None:
 
 
 def _over_step(new: Array, used: Array, gap_s: float, step_s: float) -> Array:
-    """Mean over the last step with which the integral since the last sample is the new one, a mean over that time."""
+    """Mean over the last step, such that the integral since the last sample is the new one (a mean over that time)."""
     if not 0 < gap_s <= SILENT_S or not step_s > 0:
         return new
     return np.asarray((new * gap_s - used) / step_s)

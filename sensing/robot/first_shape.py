@@ -1,18 +1,19 @@
 """Shape and attitude of a robot that stands at the start, from its first measurements.
 
 Notes:
-    Poses near the ends that the description states, by Gauss and Newton's steps on: cable lengths; gravity in the
-    leading bar's accelerometer; that each bar is in balance under its weight, its contacts and its cables. The tensions
-    are unknowns, near those of the stated rest lengths; the forces are scaled to carry the weight, so that a silicone
-    of another stiffness does not matter. The force on an endcap that is silent is unknown, and then so is that scale:
-    both are solved for beside the tensions. Lengths alone do not fix the shape: at
-    the symmetric prism one motion leaves them as they are to first order, and no bar that turns about its own axis
-    changes the length of a cable on that axis. What they leave open keeps a width, so that the covariance says it.
+    The poses minimise squared residuals by Gauss-Newton steps, from the ends that the description states. Residuals
+    are those of cable lengths; of gravity in the leading bar's accelerometer; of the balance of each bar under its
+    weight, its contacts and its cables. The tensions are unknowns with priors at the stated rest lengths; the forces
+    are scaled to carry the weight, so that a silicone of another stiffness does not matter. The force on a silent
+    endcap is unknown, and so is then that scale: both are solved for beside the tensions. Lengths alone do not
+    determine the shape: at the symmetric prism one motion does not change them to first order, and a bar that turns
+    about its own axis does not change the length of a cable on that axis. The covariance contains these motions.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,29 +24,39 @@ from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.shape import cable_lengths, moved, rotation_of, standing_poses
 from sensing.tensegrity.vectors import cross
 
-GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends, of a bar's turn, of one about its own axis
-LEVEL_SD = 0.15  # E: of the ground at the start, where only its normal is known
-BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of one bar
-SILENT_SHARE, SCALE_SD = 1 / 3, 0.3  # E: of the force on a silent endcap, of the weight; of the scale of the others
-MEANS = 4.0  # E: by which means over the start are better than one sample
-REST_SD_M = 0.005  # E: of a rest length, which a motor may have moved
-OPEN_SD_M, REACH_M = 0.03, 0.4  # E: along the motion that the lengths leave open; half a bar
-FIXED_SD = 1e-5  # of what a convention sets: origin and heading
-ROUNDS, STEP, HALVED = 15, 1e-6, 5
-SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0  # first guesses, those that are followed, a residual that counts no more
-DOUBTED_STARTS = 8  # that are followed where an endcap is silent: there are more solutions then
-DOUBT = 4.0  # E: by which the squared residuals of two solutions mislead, since their errors are not independent
-UNBALANCED = 25.0  # E: sum of squared residuals of the balance, beyond which these forces belong to no such robot
+GUESS_SD_M, GUESS_SD, SPIN_SD = 0.1, 0.3, 1.0  # E: of the stated ends; of a bar's rotation; of one about its axis
+LEVEL_SD = 0.15  # E: rad, of the ground at the start, where only its normal is known
+BALANCE_SD_N, BALANCE_SD_NM = 2.0, 0.5  # E: of the balance of forces and torques of one bar
+SILENT_SHARE, SCALE_SD = 1 / 3, 0.3  # E: of the force on a silent endcap, over the weight; of the scale of the others
+MEANS = 4.0  # E: by this factor means over the start are more accurate than one sample
+REST_SD_M = 0.005  # E: of a rest length, which a motor may have changed
+OPEN_SD_M, REACH_M = 0.03, 0.4  # E: along the motion that the lengths do not determine; half a bar
+FIXED_SD = 1e-5  # of the origin and the heading, which are set by convention
+ROUNDS, STEP, HALVED = 15, 1e-6, 5  # Gauss-Newton steps; step of the finite differences, m and rad; halvings of a step
+# First guesses; those that are followed; squared residual above which a guess costs no more.
+SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0
+DOUBTED_STARTS = 8  # guesses that are followed where an endcap is silent, because there are more solutions then
+DOUBT = 4.0  # E: divisor of the squared residuals of several solutions, since their errors are not independent
+UNBALANCED = 25.0  # E: sum of squared residuals of the balance above which the forces do not fit the robot
+
+
+class _Descent(NamedTuple):
+    """End of a descent: sum of squared residuals, guess (B, 4, 4), step (6 B,) from it, Jacobian of the residuals."""
+
+    cost: float
+    guess: Array
+    step: Array
+    jacobian: Array
 
 
 class FirstShape:
-    """Residuals of the shape, each over its standard deviation, and the poses that make them least.
+    """Residuals of the shape, each over its standard deviation, and the poses that minimise their squares.
 
     Args:
-        lengths: (C,) of the measured cables, NaN where unknown.
-        force: (3,) of the leader's accelerometer, bar axes, NaN where unknown.
-        contacts: of the endcaps by number.
-        layout, settings: of the estimator.
+        lengths: (C,) lengths of the measured cables, m; NaN where unknown.
+        force: (3,) specific force of the leader's accelerometer, bar axes, m/s2; NaN where unknown.
+        contacts: contacts of the endcaps by number.
+        layout, settings: indices and assumptions of the estimator.
     """
 
     def __init__(
@@ -54,7 +65,7 @@ class FirstShape:
         self.layout = layout
         self.contacts = {k: c for k, c in contacts.items() if c.known and c.touching}
         heard = [k for k, c in contacts.items() if c.touching is False or np.isfinite(c.force_n).all()]
-        self.silent = sorted(set(range(layout.endcaps)) - set(heard))  # each may carry what balances the others
+        self.silent = sorted(set(range(layout.endcaps)) - set(heard))  # each may carry a load that balances the others
         self.lengths = lengths
         self.measured = [row for row, cable in enumerate(layout.robot.cables) if cable.measured]
         self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
@@ -64,7 +75,7 @@ class FirstShape:
         self.guess = self._guess(0.0)
 
     def _guess(self, spin: float) -> Array:
-        """The stated shape as it lies when the leader has been turned about its own axis by an angle."""
+        """The stated shape, lying, after a rotation of the leader about its own axis, rad."""
         poses, leader = standing_poses(self.layout.robot), self.layout.leader
         if self.up is None:
             return poses
@@ -80,7 +91,7 @@ class FirstShape:
         return self._spun(poses)
 
     def _spun(self, poses: Array) -> Array:
-        """Bars that touch, turned about their axes until their normals point down as far as that can be."""
+        """Poses with the bars in contact turned about their axes, so that their normals point down where possible."""
         down: dict[int, list[Array]] = {}
         for endcap, contact in self.contacts.items():
             down.setdefault(int(self.layout.endcap_bar[endcap]), []).append(contact.normal)
@@ -98,12 +109,12 @@ class FirstShape:
         guesses = [self._guess(spin) for spin in np.linspace(0, 2 * math.pi, count, endpoint=False)]
         guesses.sort(key=self._cost)
         starts = guesses[: DOUBTED_STARTS if self.silent else STARTS]
-        found = sorted((self._descended(guess) for guess in starts), key=lambda one: one[0])
+        found = sorted((self._descended(guess) for guess in starts), key=lambda one: one.cost)
         _, self.guess, step, jacobian = found[0]
         poses = moved(self.guess, step)
         others = np.zeros((len(step), len(step)))
         if self.silent:  # turns may be open: where they are, their axes are those of the poses, not those of the guess
-            others = _spread_over([(cost, moved(guess, far)) for cost, guess, far, _ in found])
+            others = _spread_over([(one.cost, moved(one.guess, one.step)) for one in found])
             self.guess, step = poses, np.zeros(len(step))
             jacobian = self._slopes(step, self.residuals(step))
         motion = self._open_motion(poses)
@@ -111,7 +122,7 @@ class FirstShape:
         return poses, spread + others
 
     def balances(self, poses: Array) -> bool:
-        """Whether bars in these poses are in equilibrium under the endcaps' wrenches, with any likely tensions."""
+        """Whether bars in these poses are in equilibrium under the endcaps' wrenches with some likely tensions."""
         if not self.contacts:
             return True
         off = self._balance(poses, *cable_lengths(self.layout.robot, poses))
@@ -122,8 +133,8 @@ class FirstShape:
         value = self.residuals(np.zeros(6 * len(guess)))
         return float(np.minimum(value**2, MOST_SQUARE).sum())
 
-    def _descended(self, guess: Array) -> tuple[float, Array, Array, Array]:
-        """(cost, guess, step, Jacobian) after Gauss-Newton steps, each shortened until the cost falls."""
+    def _descended(self, guess: Array) -> _Descent:
+        """The descent from a guess by Gauss-Newton steps, each shortened until the cost falls."""
         self.guess, step = guess, np.zeros(6 * len(guess))
         value = self.residuals(step)
         cost, jacobian = float(value @ value), np.zeros((len(value), len(step)))
@@ -142,13 +153,13 @@ class FirstShape:
             step, value = step + change, tried
             if gained < 1e-3 * cost:
                 break
-        return cost, guess, step, jacobian
+        return _Descent(cost, guess, step, jacobian)
 
     def _slopes(self, step: Array, value: Array) -> Array:
         return np.array([(self.residuals(step + STEP * e) - value) / STEP for e in np.eye(len(step))]).T
 
     def _open_motion(self, poses: Array) -> Array:
-        """(6 B,) motion by a metre that changes the cables least: lengths curve along it, and have two solutions."""
+        """(6 B,) motion by a metre that changes the cables least; along it two shapes can have the same lengths."""
         jacobian = cable_lengths(self.layout.robot, poses)[1][self.measured]
         first = 6 * self.layout.leader
         others = [k for k in range(jacobian.shape[1]) if not first <= k < first + 6]
@@ -157,7 +168,7 @@ class FirstShape:
         for column, bar in enumerate(b for b in range(len(poses)) if b != self.layout.leader):
             spins[6 * column + 3 : 6 * column + 6, column] = poses[bar, :3, 2]
         across = np.eye(len(others)) - spins @ spins.T
-        metres = np.tile(np.repeat([1.0, REACH_M], 3), len(poses) - 1)  # a turn counts as what it moves an end by
+        metres = np.tile(np.repeat([1.0, REACH_M], 3), len(poses) - 1)  # a rotation counts as the motion of a bar's end
         _, motions = np.linalg.eigh(across @ (rows.T @ rows / np.outer(metres, metres)) @ across + spins @ spins.T)
         motion = np.zeros(jacobian.shape[1])
         motion[others] = motions[:, 0] / metres
@@ -178,7 +189,7 @@ class FirstShape:
         return np.concatenate(parts)
 
     def _near_guess(self, step: Array) -> Array:
-        """(6 B,) of the steps; turns in bar axes, the leader's in those of the world, whose heading is fixed."""
+        """(6 B,) residuals of the steps; rotations in bar axes, the leader's in world axes, whose heading is fixed."""
         steps = step.reshape(-1, 6).copy()
         steps[:, :3] /= GUESS_SD_M
         steps[:, 3:] = np.einsum("bji,bj->bi", self.guess[:, :3, :3], steps[:, 3:]) / [GUESS_SD, GUESS_SD, SPIN_SD]
@@ -187,7 +198,7 @@ class FirstShape:
         return np.asarray(steps.ravel())
 
     def _balance(self, poses: Array, lengths: Array, jacobian: Array) -> Array:
-        """(6 B + C,) of the forces on each bar and their torques about its centre of mass, at the best tensions."""
+        """(6 B + C,) residuals of forces and torques on each bar, about its centre of mass, and of best tensions."""
         layout, cables = self.layout, self.layout.robot.cables
         centre = poses[:, :3, 3] + np.einsum("bij,bj->bi", poses[:, :3, :3], layout.reference_m + layout.mass_lever)
         loads, carried = self._contact_loads(poses, centre)
@@ -196,12 +207,12 @@ class FirstShape:
             loads *= weight / max(carried, weight / 4)
         known = loads.copy()
         known[:, 2] -= layout.mass_kg * GRAVITY_M_S2
-        pulls = -jacobian.reshape(len(cables), len(poses), 6)  # a cable pulls against what makes it longer
+        pulls = -jacobian.reshape(len(cables), len(poses), 6)  # a cable pulls against its lengthening
         pulls[..., 3:] += np.cross(poses[:, :3, 3] - centre, pulls[..., :3])
         stiffness = np.array([cable.stiffness_n_m for cable in cables])
         stated = stiffness * np.maximum(0.0, lengths - [cable.rest_m for cable in cables])
         sds = stiffness * REST_SD_M
-        if self.silent:  # unknown beside the tensions: by what part the loads are off, and the silent endcaps' forces
+        if self.silent:  # further unknowns: scale of the loads and forces on silent endcaps
             pushes = self._silent_loads(poses, centre)
             pulls = np.concatenate([pulls, loads[None], pushes])
             stated = np.concatenate([stated, np.zeros(1 + len(pushes))])
@@ -212,7 +223,7 @@ class FirstShape:
         return np.asarray(rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted)
 
     def _contact_loads(self, poses: Array, centre: Array) -> tuple[Array, float]:
-        """((B, 6) force on each bar by the contacts that report, and its torque about the centre; N upward)."""
+        """((B, 6) forces of the reporting contacts on each bar and torques about its centre, N, N m; N upward)."""
         loads, carried = np.zeros((len(poses), 6)), 0.0
         for endcap, contact in self.contacts.items():
             bar = self.layout.endcap_bar[endcap]
@@ -224,7 +235,7 @@ class FirstShape:
         return loads, carried
 
     def _silent_loads(self, poses: Array, centre: Array) -> Array:
-        """(3 S, B, 6) loads of a newton along each world axis at the lowest point of each silent endcap."""
+        """(3 S, B, 6) loads on the bars by 1 N along each world axis at the lowest point of each silent endcap."""
         loads = np.zeros((len(self.silent), 3, len(poses), 6))
         for pushes, endcap in zip(loads, self.silent, strict=True):
             bar = self.layout.endcap_bar[endcap]
@@ -245,7 +256,7 @@ class FirstShape:
         )
 
     def ground(self, poses: Array) -> float:
-        """Height of the ground: below the endcaps that touch, else below the lowest."""
+        """Height of the ground, m: below the endcaps that touch, else below the lowest."""
         layout = self.layout
         low = [self._centre(poses, k)[2] - layout.radius_m[k] for k in range(layout.endcaps)]
         yields = {k: self.compliance * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
@@ -253,7 +264,7 @@ class FirstShape:
 
 
 def _spread_over(found: list[tuple[float, Array]]) -> Array:
-    """(6 B, 6 B) second moment, about the first of several solutions, of all by their likelihood.
+    """(6 B, 6 B) second moment of several solutions about the first, weighted by their likelihood.
 
     Args:
         found: (cost, poses (B, 4, 4)) of each, the best one first.
@@ -269,7 +280,7 @@ def _spread_over(found: list[tuple[float, Array]]) -> Array:
 
 
 def _vector_of(turn: Array) -> Array:
-    """(3,) rad, rotation vector of a rotation by less than half a turn."""
+    """(3,) rotation vector, rad, of a rotation by less than half a turn."""
     twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     size = float(np.linalg.norm(twice))
     return np.asarray(twice * (math.atan2(size, float(np.trace(turn)) - 1) / size if size > 1e-12 else 0.5))

@@ -1,11 +1,11 @@
 """Friction of the supports, learned from contacts that hold and from contacts that slip.
 
 Notes:
-    A distribution over coefficients. The ratio of a contact that slips is the coefficient; that of one that holds lies
-    anywhere below it, at a density of one over the coefficient: the least coefficient that explains all ratios is the
-    likeliest, which is the careful side. Which of the two a contact does is itself uncertain; its probability weighs
-    both. Samples of one contact follow each other too closely to count as independent: each counts as a part of one.
-    The logistic function stands for the normal distribution's.
+    The state is a distribution over coefficients. The ratio of a slipping contact is the coefficient; that of a holding
+    one lies anywhere below it, with density one over the coefficient: the least coefficient that explains all ratios is
+    the likeliest, which is the conservative side. Whether a contact slips is itself uncertain; its probability weights
+    both cases. Samples of one contact are too correlated to count as independent: each has a weight below one.
+    The logistic function approximates the normal distribution's.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ import numpy as np
 
 from sensing.tensegrity.description import Array
 
-COEFFICIENTS = np.linspace(0.05, 1.5, 59)
-FIRST = np.exp(-0.5 * ((np.log(COEFFICIENTS) - np.log(0.7)) / 0.5) ** 2)  # E: before any sample
+COEFFICIENTS = np.linspace(0.05, 1.5, 59)  # coefficients of the distribution
+FIRST = np.exp(-0.5 * ((np.log(COEFFICIENTS) - np.log(0.7)) / 0.5) ** 2)  # E: distribution before any sample
 FIRST /= FIRST.sum()
-WEIGHT = 0.15  # E: what one sample counts
+WEIGHT = 0.15  # E: weight of one sample
 FORGET = 5e-4  # E: part by which each sample moves the distribution back to the first
 OFTEN = 0.1  # E: least part of the contacts that slip
-SPREAD = 0.05  # E: of the ratio at which a contact slips
+SPREAD = 0.05  # E: standard deviation of the ratio at which a contact slips
 LOGISTIC = 1.702  # logistic(1.702 x) is within 0.01 of the normal distribution's
 
 
 def slip_probability(weights: Array, ratio: float, ratio_sd: float) -> float:
-    """That a contact at a friction ratio slips.
+    """Probability that a contact at a friction ratio slips.
 
     Args:
-        weights: (59,) of the coefficients.
-        ratio, ratio_sd: as measured.
+        weights: (59,) probabilities of the coefficients.
+        ratio, ratio_sd: measured friction ratio and its standard deviation.
     """
     spread = np.hypot(SPREAD * (0.3 + COEFFICIENTS), ratio_sd)
     return float(weights @ _logistic((ratio - (1 - SPREAD) * COEFFICIENTS) / spread))
@@ -39,8 +39,8 @@ def learned(weights: Array, ratio: float, ratio_sd: float, slips: float) -> Arra
     """The distribution after one more sample.
 
     Args:
-        weights: (59,) before.
-        ratio, ratio_sd: as measured.
+        weights: (59,) probabilities of the coefficients before.
+        ratio, ratio_sd: measured friction ratio and its standard deviation.
         slips: probability that the contact slips.
     """
     spread = np.hypot(SPREAD * (0.3 + COEFFICIENTS), ratio_sd)

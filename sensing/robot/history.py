@@ -1,7 +1,7 @@
-"""Samples in the order of their capture, and states from which a late one is taken in.
+"""Samples in the order of their capture, and kept states from which the filter restarts for a late one.
 
-What a state is depends on the samples before its time and on nothing else: neither on the order in which they came nor
-on how often somebody asked. A sample that comes late moves the filter back to a kept state before it.
+A state depends on the samples before its time alone: neither on the order of their arrival nor on the number of
+queries. A late sample takes the filter back to a kept state before it.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
 AnySample = InertialSample | LengthSample | FootSample | KnownContact
 Key = tuple[float, int, str]  # time, kind, name: the order in which samples are taken
-KEEP_EVERY_S = 0.025  # between kept states
+KEEP_EVERY_S = 0.025  # time between kept states
 
 
 class Copied(Protocol):
-    """What can be copied."""
+    """An object that can be copied."""
 
     def copy(self) -> Self:
         """An independent copy."""
@@ -30,7 +30,7 @@ T = TypeVar("T", bound=Copied)
 
 
 def key_of(sample: AnySample) -> Key:
-    """Place of a sample in the order."""
+    """Position of a sample in the order."""
     match sample:
         case InertialSample():
             return sample.time_s, 0, sample.sensor
@@ -42,12 +42,12 @@ def key_of(sample: AnySample) -> Key:
 
 
 class History(Generic[T]):
-    """A bounded past of samples and states.
+    """Recent samples and states.
 
     Args:
         first: state before any sample.
-        take: moves a state, in place, by the samples of one time.
-        length_s: how late a sample may come.
+        take: function that moves a state, in place, by the samples of one time.
+        length_s: largest age of a sample that is accepted, s.
     """
 
     def __init__(self, first: T, take: Callable[[T, float, list[AnySample]], None], length_s: float) -> None:
@@ -58,7 +58,7 @@ class History(Generic[T]):
         self.newest_s = float("-inf")
 
     def put(self, sample: AnySample) -> bool:
-        """Add a sample; False where it is too late or there already."""
+        """Add a sample; False if it is too late or a duplicate."""
         key = key_of(sample)
         if key[0] < self.newest_s - self._length_s or key[0] <= self._kept[0][0]:
             return False
@@ -75,7 +75,7 @@ class History(Generic[T]):
         return True
 
     def at(self, time_s: float) -> T:
-        """The state of the last sample at or before a time; to be copied before it is changed."""
+        """The state of the last sample at or before a time; callers copy it before they change it."""
         place = bisect_right(self._kept, time_s, key=lambda kept: kept[0]) - 1
         kept_s, state = self._kept[max(place, 0)]
         start = bisect_right(self._keys, (kept_s, 9, ""))
@@ -93,7 +93,7 @@ class History(Generic[T]):
         return state
 
     def _forget(self) -> None:
-        """Drop what no sample that may still come can need."""
+        """Drop samples and states that no sample which may still come can need."""
         oldest = self.newest_s - self._length_s
         if self._kept[-1][0] < oldest - KEEP_EVERY_S:
             self.at(oldest)

@@ -146,7 +146,7 @@ def _add_cross(out, row, n, scale):
 
 @numba.njit(**EXACTLY)
 def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
-    """Blocks of the error of x, which rotates with the leader: by bias and noise of the leader's gyroscope."""
+    """Write blocks of the error of x, which rotates with the leader, by bias and noise of the leader's gyroscope."""
     at[count, 0], at[count, 1] = row, 3 * (3 * bars + leader)
     _skew(blocks, count, x[0], x[1], x[2], 1.0)
     drive[row : row + 3] = blocks[count]
@@ -156,7 +156,7 @@ def _follow(at, blocks, drive, count, row, x, middle, leader, bars, step_s):
 
 @numba.njit(**EXACTLY)
 def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, leader, step_s, gravity):
-    """Blocks of all bars: turns after gyroscope biases, places after velocities, velocities after turns and biases."""
+    """Write blocks of all bars: rotations by biases, positions by velocities, velocities by rotations and biases."""
     bars, count = len(middle), 0
     for b in range(bars):
         p, v = 3 * (bars + b), 3 * (2 * bars + b)
@@ -183,7 +183,7 @@ def _bar_blocks(at, blocks, drive, middle, push, place, velocity, has_force, lea
 
 @numba.njit(**EXACTLY)
 def _fade(at, blocks, count, fade, step_s):
-    """Blocks of gyroscope biases that decay."""
+    """Write blocks of gyroscope biases that decay."""
     bars = len(fade)
     for b in range(bars):
         if fade[b] > 0.0:
@@ -196,7 +196,7 @@ def _fade(at, blocks, count, fade, step_s):
 
 @numba.njit(**EXACTLY)
 def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length):
-    """Blocks of an anchor that moves by w x n times a length; writes the motion."""
+    """Write blocks of an anchor that moves by w x n times a length, and the motion itself."""
     mx, my, mz = w[1] * n[2] - w[2] * n[1], w[2] * n[0] - w[0] * n[2], w[0] * n[1] - w[1] * n[0]
     moved[0], moved[1], moved[2] = length * mx, length * my, length * mz
     across = np.empty((3, 3, 3))
@@ -214,7 +214,7 @@ def _roll(at, blocks, count, row, moved, n, w, middle, bar, leader, bars, length
 
 @numba.njit(**EXACTLY)
 def _add_noise(covariance, drive, noise, walk, leader, step_s):
-    """Process noise of one step."""
+    """Add the process noise of one step."""
     bars, size = len(noise), len(covariance)
     for b in range(bars):
         turns, quiet = drive[b], noise[b, 0] * step_s
@@ -237,7 +237,7 @@ def _add_noise(covariance, drive, noise, walk, leader, step_s):
 
 @numba.njit(**EXACTLY)
 def _congruence(covariance, at, blocks, count):
-    """(1 + A) P (1 + A)' in place; A has blocks at rows and columns."""
+    """(1 + A) P (1 + A)' in place; A has ``blocks`` at the rows and columns ``at``."""
     size = len(covariance)
     left = covariance.copy()
     for k in range(count):

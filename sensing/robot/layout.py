@@ -1,4 +1,4 @@
-"""The robot's description as arrays: reference points, levers and places in the error state."""
+"""The robot's description as arrays: reference points, levers and indices of the error state."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from sensing.tensegrity.description import Array, InertialSensor, TensegrityRobo
 
 @dataclass(frozen=True)
 class Layout:
-    """Indices and geometry of a robot that the filter needs.
+    """Indices and geometry of a robot for the filter.
 
-    A bar's reference point, whose place and velocity are estimated, is its accelerometer, else its centre of mass.
+    A bar's reference point, whose position and velocity are estimated, is its accelerometer, else its centre of mass.
 
     Attributes:
-        robot: the description.
-        leader: bar whose accelerometer all others follow.
-        reference_m: (B, 3) reference points, bar frame.
-        sensor_of_bar: names, None for a bar without.
-        sensor_turn: (B, 3, 3) sensor axes to bar axes.
-        has_force: (B,) whether it has an accelerometer.
-        cable_bars: (C, 2) of the measured cables.
-        cable_levers: (C, 2, 3) from the reference points.
-        endcap_bar: (E,).
-        endcap_lever: (E, 3) sphere's centre from the reference point, bar axes.
-        endcap_turn: (E, 3, 3) endcap axes to bar axes.
-        radius_m, centre_height_m: (E,).
-        mass_lever: (B, 3) centre of mass from the reference point.
-        mass_kg: (B,).
+        robot: description of the robot.
+        leader: number of the bar whose accelerometer is the reference of all others.
+        reference_m: (B, 3) reference points, bar frame, m.
+        sensor_of_bar: names of the inertial sensors, None for a bar without.
+        sensor_turn: (B, 3, 3) rotations from sensor to bar axes.
+        has_force: (B,) whether the bar has an accelerometer.
+        cable_bars: (C, 2) bars of the measured cables.
+        cable_levers: (C, 2, 3) attachments from the reference points, bar axes, m.
+        endcap_bar: (E,) bar of each endcap.
+        endcap_lever: (E, 3) sphere's centre from the reference point, bar axes, m.
+        endcap_turn: (E, 3, 3) rotations from endcap to bar axes.
+        radius_m, centre_height_m: (E,) radius of the sphere, and height of its centre over the mating plane, m.
+        mass_lever: (B, 3) centre of mass from the reference point, bar axes, m.
+        mass_kg: (B,) masses of the bars, kg.
     """
 
     robot: TensegrityRobot
@@ -53,51 +53,51 @@ class Layout:
 
     @property
     def bars(self) -> int:
-        """How many bars."""
+        """Number of bars."""
         return len(self.reference_m)
 
     @property
     def endcaps(self) -> int:
-        """How many endcaps."""
+        """Number of endcaps."""
         return len(self.endcap_bar)
 
     @property
     def size(self) -> int:
-        """Numbers in the error state."""
+        """Size N of the error state."""
         return 15 * self.bars + 3 * self.endcaps + 2
 
     def turn(self, bar: int) -> slice:
-        """Of a bar's turn in the error state."""
+        """Indices of a bar's rotation in the error state."""
         return slice(3 * bar, 3 * bar + 3)
 
     def place(self, bar: int) -> slice:
-        """Of the place of a bar's reference point."""
+        """Indices of the position of a bar's reference point in the error state."""
         return self.turn(self.bars + bar)
 
     def velocity(self, bar: int) -> slice:
-        """Of its velocity."""
+        """Indices of the velocity of a bar's reference point in the error state."""
         return self.turn(2 * self.bars + bar)
 
     def rate_bias(self, bar: int) -> slice:
-        """Of its gyroscope's bias."""
+        """Indices of a bar's gyroscope bias in the error state."""
         return self.turn(3 * self.bars + bar)
 
     def force_bias(self, bar: int) -> slice:
-        """Of its accelerometer's bias."""
+        """Indices of a bar's accelerometer bias in the error state."""
         return self.turn(4 * self.bars + bar)
 
     def anchor(self, endcap: int) -> slice:
-        """Of an endcap's anchor."""
+        """Indices of an endcap's anchor in the error state."""
         return self.turn(5 * self.bars + endcap)
 
     @property
     def creep(self) -> int:
-        """Of the creep of endcaps that turn under load; the last but one."""
+        """Index of the creep of endcaps that turn under load in the error state; the last but one."""
         return self.size - 2
 
     @property
     def softness(self) -> int:
-        """Of the softness of all domes; the last one."""
+        """Index of the softness of all domes in the error state; the last one."""
         return self.size - 1
 
 

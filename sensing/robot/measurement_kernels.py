@@ -1,4 +1,4 @@
-"""Compiled measurements of the robot's filter: where points are, their slopes, and the update (errors: see kernels)."""
+"""Compiled measurements of the robot's filter: points, their slopes, and the update step (error state: see kernels)."""
 
 # mypy: ignore-errors
 from __future__ import annotations
@@ -13,12 +13,12 @@ from sensing.robot.kernels import EXACTLY, times_vector, turned_by
 
 @numba.njit(**EXACTLY)
 def update_step(covariance, slopes, innovation, variance, limit, found):
-    """Take measurements one after the other; the covariance changes in place.
+    """Update step of independent measurements, one after the other; the covariance changes in place.
 
     Args:
-        covariance: (N, N).
-        slopes: (M, N).
-        innovation, variance: (M,) of independent measurements; NaN is left out.
+        covariance: (N, N) covariance of the error state.
+        slopes: (M, N) slopes of the measurements by the error state.
+        innovation, variance: (M,) innovations and variances of independent measurements; NaN is left out.
         limit: squared innovation over its variance above which a measurement is left out.
         found: (M,) receives that ratio; negative where the measurement was left out.
 
@@ -61,11 +61,11 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
     """Add the error state to the state, in place.
 
     Args:
-        change: (N,).
+        change: (N,) correction of the error state.
         turn, place, velocity, anchor, normal: as in :func:`predict_step`.
-        rate_bias, force_bias: (B, 3).
-        creep, softness: (1,).
-        leader: bar whose turn the errors of places refer to.
+        rate_bias, force_bias: (B, 3) biases of gyroscopes, rad/s, and accelerometers, m/s^2.
+        creep, softness: (1,) creep and softness.
+        leader: number of the bar whose rotation the errors of positions refer to.
     """
     bars = len(turn)
     lx, ly, lz = change[3 * leader], change[3 * leader + 1], change[3 * leader + 2]
@@ -85,7 +85,7 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
 
 @numba.njit(**EXACTLY)
 def _add_cross(out, row, column, x, y, z, scale):
-    """Add scale * (-[x y z] x) to a (3, 3) part of out: the slope of a point at a lever after a turn."""
+    """Add scale * (-[x y z] x), the slope of a point at a lever by a rotation, to a (3, 3) part of out."""
     out[row, column + 1] += scale * z
     out[row, column + 2] -= scale * y
     out[row + 1, column] -= scale * z
@@ -96,17 +96,17 @@ def _add_cross(out, row, column, x, y, z, scale):
 
 @numba.njit(**EXACTLY)
 def point_slopes(turn, place, bar, lever, leader, size):
-    """Where a point of a bar is, and its slopes after the error state.
+    """Position of a point of a bar, and its slopes by the error state.
 
     Args:
-        turn, place: of the bars.
-        bar: which.
+        turn, place: rotations and reference points of the bars.
+        bar: number of the bar.
         lever: (3,) from its reference point, bar axes.
-        leader: bar whose turn the errors of places refer to.
-        size: N.
+        leader: number of the bar whose rotation the errors of positions refer to.
+        size: size N of the error state.
 
     Returns:
-        (3,) world, (3, N).
+        (3,) position, world, m; (3, N) slopes.
     """
     bars = len(turn)
     out = np.zeros((3, size))
@@ -121,17 +121,17 @@ def point_slopes(turn, place, bar, lever, leader, size):
 
 @numba.njit(**EXACTLY)
 def length_slopes(turn, place, pairs, levers, leader, size):
-    """Cable lengths and their slopes after the error state.
+    """Cable lengths and their slopes by the error state.
 
     Args:
-        turn, place: of the bars.
+        turn, place: rotations and reference points of the bars.
         pairs: (C, 2) bars of each cable.
         levers: (C, 2, 3) attachments from the reference points, bar axes.
         leader: as in :func:`point_slopes`.
-        size: N.
+        size: size N of the error state.
 
     Returns:
-        (C,) m, (C, N).
+        (C,) lengths, m; (C, N) slopes.
     """
     bars, cables = len(turn), len(pairs)
     length, slopes = np.empty(cables), np.zeros((cables, size))

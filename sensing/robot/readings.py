@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def foot_sample(reading: EndcapReading) -> FootSample:
-    """The sample of a reading; its filtered wrench at the capture time, NaN where its numbers do not count."""
+    """The sample of a reading: its filtered wrench at the capture time, NaN where its numbers are not valid."""
     touching = reading.contact.touching if reading.contact.known else None
     wrench = reading.wrench
     return FootSample(

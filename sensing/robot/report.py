@@ -1,4 +1,4 @@
-"""The filter's state as the record that outputs take."""
+"""The filter's state as a record for outputs."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from sensing.robot.state import State, world_rate
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import cross, minus_cross
 
-ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre from which a contact counts as rolling
-WRONG_BIT = 0.02  # E: how often whether it touches is wrong
-INCONSISTENT = 4.0  # mean squared innovation over its variance that is worth a note
-WEIGHT_OFF = 0.5  # of the sum of forces over the weight that is worth a note
-SOFTNESS_OFF = 3.0  # of Settings.softness_sd, by which no silicone differs: noise of the forces is taken for softness
-SILENT_LENGTHS_S = 0.2
-ASTRAY_S = 1.0  # E: of wrenches of no contact on the dome, which two supports at once make for moments
-LOST_M_S = 1.0  # standard deviation of the velocity that is worth a note
-ANEW_S = 10.0  # for which it is said that the estimate began anew
-NAN_3 = np.full(3, np.nan)
-UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)
+ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre at which rolling begins; spread
+WRONG_BIT = 0.02  # E: probability that the contact bit is wrong
+INCONSISTENT = 4.0  # mean squared innovation over its variance from which a note is made
+WEIGHT_OFF = 0.5  # relative error of the sum of forces against the weight from which a note is made
+SOFTNESS_OFF = 3.0  # in Settings.softness_sd; no silicone differs by more: noise of the forces is taken for it
+SILENT_LENGTHS_S = 0.2  # s without lengths from which a note is made
+ASTRAY_S = 1.0  # E: s; shorter times with wrenches of no contact on the dome occur when two supports touch at once
+LOST_M_S = 1.0  # standard deviation of the velocity from which a note is made
+ANEW_S = 10.0  # s in which a note states that the estimate began again
+NAN_3 = np.full(3, np.nan)  # vector without a value
+UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)  # probabilities of an endcap without a reading
 
 
 def report_of(
@@ -36,11 +36,11 @@ def report_of(
     """The record of a state.
 
     Args:
-        state: of the filter.
-        measured_s: of the newest sample in it.
-        ignored: samples left out so far.
-        impossible: a line for each sensor whose numbers were lately beyond any.
-        layout, settings: of the estimator.
+        state: state of the filter.
+        measured_s: capture time of the newest sample in it, s.
+        ignored: number of samples left out so far.
+        impossible: one line for each sensor with impossible numbers lately.
+        layout, settings: indices and assumptions of the estimator.
     """
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()
@@ -87,12 +87,12 @@ def _fell_silent(state: State, bar: int) -> bool:
 
 
 def _rate(state: State, bar: int) -> Array:
-    """(3,) angular velocity of a bar, world axes; zero, the likeliest, where its gyroscope fell silent."""
+    """(3,) angular velocity of a bar, world axes, rad/s; zero, the likeliest, if its gyroscope fell silent."""
     return np.zeros(3) if _fell_silent(state, bar) else world_rate(state, bar)
 
 
 def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings) -> Array:
-    """(3, 3) of a bar's angular velocity, world axes: turn and bias, and the noise of the last sample."""
+    """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and noise of the last sample."""
     rows = np.zeros((3, layout.size))
     rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
     noise, over_s = settings.rate_noise, state.rate_over_s[bar]
@@ -186,7 +186,7 @@ def _lost(state: State, layout: Layout) -> list[str]:
         )
     at = layout.velocity(layout.leader)
     speed_sd = float(np.sqrt(np.trace(state.covariance[at, at])))
-    if not speed_sd <= LOST_M_S:  # also where it is no number
+    if not speed_sd <= LOST_M_S:  # also true for NaN
         notes.append(f"place is being lost: velocity is known to {speed_sd:.1f} m/s: contacts or inertial samples lack")
     return notes
 

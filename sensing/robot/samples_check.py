@@ -1,6 +1,6 @@
-"""Which samples are refused in one line, which are left out and counted, and which are named as impossible, too.
+"""Checks samples: some are refused with an error, some are left out and counted, and impossible ones are also named.
 
-One sample of a broken message would spoil the state for good, since what it makes is in all that follows.
+One sample of a broken message would spoil the state permanently, because all later states depend on it.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
-FARTHEST_S = 60.0  # between two streams: more means that their clocks differ
-MOST_RAD_S = 75.0  # E: gyroscopes of robots end at 70 (4000 degrees/s)
-MOST_M_S2 = 1000.0  # E: a fall onto the domes shows a tenth
-MOST_WEIGHTS, MOST_N = 100.0, 1000.0  # E: of a force, the larger of both; a fall from 0.3 m shows five weights
-LEVER_M = 1.0  # E: of a torque over the most force; domes have a tenth of it
-NAMED_S = 10.0  # time for which health reports an impossible sample
+FARTHEST_S = 60.0  # s between two streams; more means that their clocks differ
+MOST_RAD_S = 75.0  # E: the range of gyroscopes of robots ends at 70 (4000 degrees/s)
+MOST_M_S2 = 1000.0  # E: a fall onto the domes has a tenth
+# E: limits of a force: weights of the robot, and N; the larger one holds. A fall from 0.3 m has five weights.
+MOST_WEIGHTS, MOST_N = 100.0, 1000.0
+LEVER_M = 1.0  # E: limit of a torque over that of the force; domes have a tenth of it
+NAMED_S = 10.0  # s for which health reports an impossible sample
 
 
 class SampleCheck:
     """Checks samples against the robot's description and against each other's clocks.
 
     Args:
-        layout: of the robot.
+        layout: indices of the robot.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -45,25 +46,25 @@ class SampleCheck:
         """One line for each sensor or cable whose recent samples were left out as impossible.
 
         Args:
-            time_s: of the newest sample.
+            time_s: capture time of the newest sample, s.
         """
         return [line for at_s, line in self._impossible.values() if time_s - at_s < NAMED_S]
 
     def usable(self, sample: AnySample, newest_s: float) -> AnySample | None:
-        """The sample, lengths that no cable has as NaN; None for numbers that are NaN or that no sensor measures.
+        """The sample, with NaN for impossible lengths; None for numbers that are NaN or that no sensor measures.
 
         Args:
-            sample: any.
-            newest_s: of all samples so far.
+            sample: sample of any kind.
+            newest_s: newest capture time so far, s.
 
         Raises:
-            ParameterError: it is not one of this robot's, has another form, or another clock.
+            ParameterError: a sample that is not of this robot, has another form, or another clock.
         """
         what = self._known(sample)
         if not math.isfinite(sample.time_s):
             return None
         late_s = newest_s - sample.time_s
-        if late_s > FARTHEST_S:  # as far ahead it may be the end of a pause; where it is not, the others are late
+        if late_s > FARTHEST_S:  # one as far ahead may follow a pause; else the others are late
             raise ParameterError(
                 f"{what}: time_s={sample.time_s:.3f} is {late_s:.0f} s before the other samples: give times of one "
                 "clock",
@@ -95,7 +96,7 @@ class SampleCheck:
         return not len(beyond)
 
     def _lengths(self, sample: LengthSample, what: str) -> LengthSample | None:
-        """Those that a cable can have; None without any."""
+        """The sample with NaN for impossible lengths; None without any possible one."""
         row: Array = _row(sample.lengths_m, len(self._cables), what).copy()
         for cable in np.flatnonzero((row <= 0) | (row > self._most_m)):
             self._impossible[f"cable {cable}"] = (

@@ -12,10 +12,10 @@ class Contacts(Enum):
     """Data of endcaps that the estimator uses; all but WRENCH are for comparison."""
 
     NONE = "none"  # inertial sensors and cable lengths alone
-    BIT_FIXED = "bit_fixed"  # whether it touches; the sphere's centre stays where it is
-    BIT_ROLLING = "bit_rolling"  # whether it touches; the sphere rolls on level ground
+    BIT_FIXED = "bit_fixed"  # contact bit; the sphere's centre is fixed while it touches
+    BIT_ROLLING = "bit_rolling"  # contact bit; the sphere rolls on level ground
     WRENCH = "wrench"  # force, normal, friction ratio and their covariance
-    KNOWN = "known"  # true contacts of a simulation: normal, and whether it slips
+    KNOWN = "known"  # true contacts of a simulation: normal, and whether they slip
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class KnownContact:
     """True contact of a simulation, for ``Contacts.KNOWN``.
 
     Attributes:
-        time_s: of a reading of the same endcap.
-        endcap: its name.
+        time_s: time of a reading of the same endcap, s.
+        endcap: name of the endcap.
         holds: whether it touches and does not slip.
-        normal: (3,) unit, out of the endcap, endcap frame.
+        normal: (3,) unit normal, out of the endcap, endcap frame.
     """
 
     time_s: float
@@ -40,49 +40,49 @@ class Settings:
     """Assumptions of the estimator; E: our estimates, tuned on simulated walks that no published number uses.
 
     Noises were chosen by the logarithmic score of the stated poses, e' P^-1 e + log det P (Gneiting and Raftery 2007,
-    doi:10.1198/016214506000001437), over tuning runs: a covariance too wide loses by it as one too narrow does.
+    doi:10.1198/016214506000001437), over tuning runs; it penalises a covariance that is too wide or too narrow.
 
     Attributes:
-        contacts: what of the endcaps is used.
-        rate_noise, force_noise: of gyroscope (rad/s/sqrt(Hz)) and accelerometer (m/s^2/sqrt(Hz)).
-        rate_bias_walk, force_bias_walk: of their biases (rad/s, m/s^2 per sqrt(s)).
-        rate_bias_sd, force_bias_sd: of the biases at the start.
-        shape_rate_noise: added to the rates of all bars but the leading one, for what linear steps leave of the shape.
-        unknown_rate_noise: of a bar whose gyroscope is silent (rad/s/sqrt(Hz)), at most.
+        contacts: data of the endcaps that are used.
+        rate_noise, force_noise: noise densities of gyroscope (rad/s/sqrt(Hz)) and accelerometer (m/s^2/sqrt(Hz)).
+        rate_bias_walk, force_bias_walk: random walks of their biases (rad/s, m/s^2 per sqrt(s)).
+        rate_bias_sd, force_bias_sd: standard deviations of the biases at the start (rad/s, m/s^2).
+        shape_rate_noise: added to the rates of all bars but the leading one, for errors of linear steps in the shape.
+        unknown_rate_noise: largest noise of the rate of a bar whose gyroscope is silent (rad/s/sqrt(Hz)).
         unknown_rate_share, unknown_rate_least: where two others or more measure, it is at most this many times their
-            rates' root mean square (1/sqrt(Hz)), and so much more (rad/s/sqrt(Hz)): where they stand, it stands, too.
-        spin_noise: of the angular velocity of a bar without gyroscope (rad/s^2/sqrt(Hz)), which is a part of the state.
+            rates' root mean square (1/sqrt(Hz)), plus the least (rad/s/sqrt(Hz)): if they are at rest, so is it.
+        spin_noise: noise of the angular velocity of a bar without gyroscope (rad/s^2/sqrt(Hz)), part of the state.
         spin_share, spin_least: where two others or more measure, it is at most this many times their root mean square
-            rate (1/s/sqrt(Hz)), and so much more.
-        spin_stays_s: time in which that velocity decays.
-        relative_noise, relative_share: acceleration of a bar without accelerometer less that of the bar with one
-            (m/s^2/sqrt(Hz)), and the part of it that grows with the measured acceleration.
-        length_sd_m: of a cable's length, independent from sample to sample.
-        length_error_m: what stays for a second.
-        compliance_m_n: by which an endcap yields under a newton.
-        compliance_share: error of it, as a part, of each contact alone.
-        softness_sd: of the part by which all domes yield more, which is learned.
-        softness_stays_s: time in which it is forgotten: what domes yield depends on where they are pressed, too.
-        yield_delay_s: by which the yielding lags the force: the dome's damping over its stiffness.
-        anchor_sd_m: of a contact beside the compliance.
-        error_stays_s: how long errors of a contact stay.
-        bit_sd_m: of a contact of which only the bit is known.
-        roll_share: error of the rolled distance, as a part of it.
-        anchor_walk: by which a contact that holds creeps (m/sqrt(s)).
-        creep_sd: of the creep, which is learned: by what part of the arc through which it turns a contact creeps
-            against the friction force, at a friction ratio of one.
-        slip_gain: by which the mean speed of a contact that slips exceeds that of its steady slip (contact, Notes):
-            slips are short and have a long tail.
-        slip_sd_m_s, slip_share: error of the speed of a contact that slips, and the part of the speed on top.
+            rate (1/s/sqrt(Hz)), plus the least.
+        spin_stays_s: time constant with which that velocity decays.
+        relative_noise, relative_share: acceleration of a bar without accelerometer relative to the bar with one
+            (m/s^2/sqrt(Hz)), and its part that grows with the measured acceleration.
+        length_sd_m: standard deviation of a cable's length, independent from sample to sample.
+        length_error_m: standard deviation of its part that is constant over a second.
+        compliance_m_n: yield of an endcap under 1 N, m/N.
+        compliance_share: relative error of it, of each contact independently.
+        softness_sd: standard deviation of the relative excess of all domes' yield, which is learned.
+        softness_stays_s: time constant with which it is forgotten; the yield also depends on the place of contact.
+        yield_delay_s: delay of the yield behind the force: the dome's damping over its stiffness.
+        anchor_sd_m: standard deviation of a contact's position besides the compliance.
+        error_stays_s: correlation time of a contact's errors.
+        bit_sd_m: standard deviation of the position of a contact of which only the bit is known.
+        roll_share: relative error of the rolled distance.
+        anchor_walk: random walk of a contact that holds (m/sqrt(s)).
+        creep_sd: standard deviation of the creep, which is learned: motion of a contact against the friction force,
+            over the arc through which it turns, at a friction ratio of one.
+        slip_gain: mean speed of a slipping contact over that of its steady slip (contact, Notes): slips are short, and
+            their speeds have a long tail.
+        slip_sd_m_s, slip_share: standard deviation of a slipping contact's speed: constant, and as part of the speed.
         slip_across: standard deviation of that speed across the friction force over the one along it.
-        spin_lever_m: torque about the normal that a newton of push holds.
-        normal_sd: error of a measured normal that does not average out.
-        normal_walk: rad/sqrt(s).
-        least_force_n: below it nothing is known of a contact but that it touches.
-        start_s: how long the robot stands still at the start.
-        start_limit_s: after which the estimate begins though it moves.
-        late_s: within which nearly all samples of the start have come; there is no estimate before.
-        history_s: how late a sample may come.
+        spin_lever_m: largest torque about the normal over the normal force.
+        normal_sd: standard deviation of a measured normal, rad, that does not average out.
+        normal_walk: random walk of the normal, rad/sqrt(s).
+        least_force_n: force below which only the contact bit is used.
+        start_s: time for which the robot stands still at the start.
+        start_limit_s: time after which the estimate begins although the robot moves.
+        late_s: delay within which nearly all samples of the start have come; there is no estimate before.
+        history_s: largest delay of a sample.
     """
 
     contacts: Contacts = Contacts.WRENCH

@@ -1,8 +1,9 @@
 """The estimate while the leading bar's inertial sensor sends nothing.
 
-Lengths and contacts alone leave the turn about the vertical, the bars' turns about themselves and, at the prism, one
-motion of the shape open: a filter on them alone runs away within minutes. So the pose is held, its covariance grows as
-a robot may move that nobody watches, and once samples come again the robot has to stand a while, as at the start.
+Lengths and contacts alone do not determine the rotation about the vertical, the bars' rotations about themselves and,
+at the prism, one motion of the shape: a filter on them alone diverges within minutes. So the pose is held, its
+covariance grows like the motion of an unobserved robot, and when samples come again the robot has to stand a while, as
+at the start.
 """
 
 from __future__ import annotations
@@ -17,36 +18,36 @@ from sensing.robot.state import State
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import minus_cross
 
-SILENT_S = 0.05  # after this time the last sample of an inertial sensor no longer counts
-HELD_AFTER_S = 1.0  # of silence
-GONE_S = 3.0  # E: after which a silent gyroscope is not waited for
-UNSEEN_S = 0.1  # for so long several gyroscopes may be silent at once
+SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used
+HELD_AFTER_S = 1.0  # duration of a silence after which the pose is held
+GONE_S = 3.0  # E: after it a silent gyroscope is not waited for
+UNSEEN_S = 0.1  # largest time in which several gyroscopes may be silent at once
 MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that is not measured
-MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of a turn of which nothing is known
+MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of an unknown rotation: uniform over a turn
 
 
 def unmeasured(state: State, time_s: float, layout: Layout) -> bool:
     """Whether the leading bar's inertial sensor has been silent for too long.
 
     Args:
-        state: of the filter.
-        time_s: not before the state's.
-        layout: of the robot.
+        state: state of the filter.
+        time_s: time, s, not before the state's.
+        layout: indices of the robot.
     """
     leader = layout.leader
     return bool(time_s - max(state.rate_s[leader], state.force_s[leader]) > HELD_AFTER_S)
 
 
 def watch(state: State, step_s: float, silent: np.ndarray) -> None:
-    """Note for how long several gyroscopes have been silent at once.
+    """Count the time in which several gyroscopes have been silent at once.
 
-    One silent bar is held by cables to the others. Of two, linear steps make the filter too sure; so what it says of
-    them counts as doubtful from then on.
+    Cables hold one silent bar to the others. With two, linear steps make the filter overconfident, so its estimates of
+    them count as doubtful from then on.
 
     Args:
-        state: is changed.
-        step_s: time.
-        silent: (B,) bars whose gyroscope was heard before and is not now.
+        state: state that is changed.
+        step_s: length of the time step, s.
+        silent: (B,) whether the bar's gyroscope has sent samples but sends none now.
     """
     if silent.sum() > 1:
         state.unseen_s += step_s
@@ -57,11 +58,11 @@ def watch(state: State, step_s: float, silent: np.ndarray) -> None:
 def doubtful(state: State) -> bool:
     """Whether the error of the shape may exceed its covariance, so that a new start would be better.
 
-    A start without an endcap's force or a gyroscope is no better as long as these report nothing, and one with no
-    endcap on the ground none before one is.
+    A start without an endcap's force or a gyroscope is no better as long as these send nothing, and one with no endcap
+    on the ground no better until one is on it.
 
     Args:
-        state: of the filter.
+        state: state of the filter.
     """
     heard = all(state.time_s - state.reading_s[endcap] < LONGEST_GAP_S for endcap in state.began_silent)
     heard &= all(state.time_s - state.rate_s[bar] <= SILENT_S for bar in state.began_unmeasured)
@@ -71,10 +72,10 @@ def doubtful(state: State) -> bool:
 
 
 def pauses(state: State) -> bool:
-    """Whether a gyroscope has just fallen silent and may come back: no time to begin anew.
+    """Whether a gyroscope has just fallen silent and may come back, so that a new start should wait.
 
     Args:
-        state: of the filter.
+        state: state of the filter.
     """
     since = state.time_s - state.rate_s
     return bool(((since > SILENT_S) & (since < GONE_S)).any())
@@ -84,9 +85,9 @@ def hold(state: State, time_s: float, layout: Layout) -> None:
     """Hold the pose until a time, with a growing covariance.
 
     Args:
-        state: is changed.
-        time_s: not before the state's.
-        layout: of the robot.
+        state: state that is changed.
+        time_s: time, s, not before the state's.
+        layout: indices of the robot.
     """
     if state.held_s == 0.0:
         for endcap in range(layout.endcaps):
@@ -100,12 +101,12 @@ def hold(state: State, time_s: float, layout: Layout) -> None:
 
 
 def follow_on(state: State, held: State, layout: Layout) -> None:
-    """Move a first state to the place and heading that were held, as well as these are known.
+    """Move a first state to the place and heading that were held, with their covariance.
 
     Args:
-        state: new, is changed.
-        held: until then.
-        layout: of the robot.
+        state: the new state, which is changed.
+        held: the state that was held until then.
+        layout: indices of the robot.
     """
     turn = held.turn[layout.leader] @ state.turn[layout.leader].T
     angle = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
@@ -126,7 +127,7 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     _spread(state, heading, _of_place(held, layout), layout)
     state.friction, state.anew_s = held.friction.copy(), state.time_s
     state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
-    if doubtful(held):  # what a wrong shape taught is wrong, too
+    if doubtful(held):  # values learned with a wrong shape are wrong, too
         return
     state.creep, state.softness = held.creep.copy(), held.softness.copy()
     learned = np.ix_((layout.creep, layout.softness), (layout.creep, layout.softness))
@@ -142,7 +143,7 @@ def _of_place(state: State, layout: Layout) -> Array:
 
 
 def _spread(state: State, turn: Array, place: Array, layout: Layout) -> None:
-    """Add to the covariance (3, 3) that of a turn of the whole robot about its middle, and of a shift."""
+    """Add the covariances (3, 3) of a rotation of the whole robot about its middle, and of a shift."""
     slopes = np.zeros((layout.size, 6))
     x, y, z = state.place.mean(axis=0)
     for bar in range(layout.bars):

@@ -1,12 +1,12 @@
 """The first state: shape and attitude of a robot that stands still, and their covariance (see first_shape).
 
 Notes:
-    The robot stands still while rates, the size of the force and the cables' lengths are quiet over the whole start;
-    one that is not begins the start anew (:func:`moves`). After a second of trying it may rock more than that, as long
-    as no bar turns on (:func:`goes_on`). It rocks on its cables and domes even when quiet. So means over the start are
-    weighted by a parabola, which a rocking of one to two periods moves less, and the bars are turned from
-    their mean attitude to the last one by what their gyroscopes measured. After ``Settings.start_limit_s`` the estimate
-    begins with a robot that moves, and says so by its covariance and by a note.
+    The robot stands still if rates, the size of the force and the cables' lengths are quiet over the whole start;
+    otherwise the start begins again (:func:`moves`). After a second of trying, larger rocking is accepted, as long as
+    no bar keeps turning (:func:`goes_on`). The robot rocks on its cables and domes even when quiet. So means over the
+    start are weighted by a parabola, which reduces the effect of rocking with one to two periods, and the bars are
+    turned from their mean attitude to the last one by the angles that their gyroscopes measured. After
+    ``Settings.start_limit_s`` the estimate begins with a robot that moves; its covariance and a note state that.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
 from sensing.tensegrity.shape import rotation_of
 from sensing.tensegrity.vectors import minus_cross
 
-QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: most that a robot shows that stands, of a rate, and of a force beside gravity
-ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest; factor of the limits then
-ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates over the start of a bar that only rocks
-QUIET_M = 0.006  # E: by which the lengths' means over the two halves of the start differ
-STILL_RATE = 0.05  # rad/s: a gyroscope that shows more at the start is not at rest
-ROCKS = 0.1  # E: error of a mean rate, as a part of the rates' spread: the robot rocks as the start ends
-ROCKS_TURN = 0.5  # E: error of a bar's last turn, as a part of the turns' spread while it rocks
-SPEED_SD = 0.01  # m/s at rest
-MOVES_M_S, MOVES_RAD, MOVES_M = 0.5, 0.2, 0.02  # E: of a robot that moves as the estimate begins
+QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: limits for a robot that stands: of a rate, and of a force beside gravity
+ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest, and factor on the limits after it
+ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates, over the start, of a bar that only rocks
+QUIET_M = 0.006  # E: difference of the lengths' means over the two halves of the start
+STILL_RATE = 0.05  # rad/s; a gyroscope that measures more at the start is not at rest
+ROCKS = 0.1  # E: error of a mean rate over the spread of the rates, since the robot rocks as the start ends
+ROCKS_TURN = 0.5  # E: error of a bar's last rotation over the spread of the rotations, while it rocks
+SPEED_SD = 0.01  # m/s, standard deviation at rest
+MOVES_M_S, MOVES_RAD, MOVES_M = 0.5, 0.2, 0.02  # E: standard deviations of a robot that moves as the estimate begins
 
 
 @dataclass
@@ -55,9 +55,9 @@ class Gathered:
         turned: (B, 3) weighted sums of ``sums`` at every sample.
         turned_squares: (B,) weighted sums of their squared norms.
         halves: (2, C) sums of the lengths in the first and the second half of the start.
-        half_counts: (2, C).
+        half_counts: (2, C) numbers of these lengths.
         heard_s: (B, 2) times of the last rates and forces; -inf without.
-        contacts: last one of each endcap.
+        contacts: last contact of each endcap.
     """
 
     tried_s: float
@@ -86,11 +86,11 @@ class Gathered:
 
 
 def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
-    """Before the first sample of a start.
+    """Empty sums before the first sample of a start.
 
     Args:
-        layout: of the robot.
-        tried_s: time of the first sample of all.
+        layout: indices of the robot.
+        tried_s: time of the first sample of all, s.
     """
     bars, cables = layout.bars, len(layout.cable_bars)
     return Gathered(
@@ -104,11 +104,11 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
     """Add an inertial sample, or cable lengths.
 
     Args:
-        gathered: is changed.
-        time_s: of the sample.
+        gathered: sums that are changed.
+        time_s: time of the sample, s.
         bar: number of the bar of an inertial sample.
-        sample: of an inertial sensor, or of the cables' lengths.
-        layout, settings: of the estimator.
+        sample: sample of an inertial sensor, or of the cables' lengths.
+        layout, settings: indices and assumptions of the estimator.
     """
     part = (time_s - gathered.first_s) / settings.start_s
     weight = max(6 * part * (1 - part), 0.01)
@@ -137,8 +137,8 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     """Whether these samples, or the lengths gathered so far, are of a robot that does not stand still.
 
     Args:
-        gathered: so far.
-        samples: of one time.
+        gathered: sums so far.
+        samples: samples of one time.
     """
     more = ROCKS_MORE if gathered.first_s - gathered.tried_s > ROCKS_AFTER_S else 1.0
     for sample in samples:
@@ -149,16 +149,16 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
         force = sample.acceleration_m_s2
         if force is not None and abs(float(np.linalg.norm(force)) - GRAVITY_M_S2) > more * QUIET_M_S2:
             return True
-    both = (gathered.half_counts > 4).all(axis=0)  # E: fewer say nothing beside their noise
+    both = (gathered.half_counts > 4).all(axis=0)  # E: the means of fewer are mostly noise
     means = gathered.halves[:, both] / gathered.half_counts[:, both]
     return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
 
 
 def goes_on(gathered: Gathered) -> bool:
-    """Whether the robot is still on its way: a bar turned on over the start, or rocks by more than a little.
+    """Whether the robot is still moving: a bar kept turning over the start, or rocks by more than a little.
 
     Args:
-        gathered: over the whole start.
+        gathered: sums over the whole start.
     """
     count = np.maximum(gathered.counts[:, 0], 1)
     turns = np.linalg.norm(gathered.sums, axis=1) > NET_RAD_S * count
@@ -169,9 +169,9 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     """Set the first state.
 
     Args:
-        state: empty, of the time, is changed.
-        gathered: while the robot stood.
-        layout, settings: of the estimator.
+        state: empty state of the time; it is changed.
+        gathered: sums while the robot stood.
+        layout, settings: indices and assumptions of the estimator.
         stands: False for a robot that moves as the estimate begins.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -216,14 +216,14 @@ def _heard(state: State, gathered: Gathered) -> None:
 
 
 def _last_turns(gathered: Gathered, settings: Settings) -> tuple[Array, Array]:
-    """((B, 3) from a bar's mean attitude over the start to its last one, bar axes, (B,) error of it), rad."""
+    """((B, 3) rotation from a bar's mean attitude over the start to its last one, bar axes, (B,) error of it), rad."""
     count = np.maximum(gathered.counts[:, 0], 1)
     step = settings.start_s / count
     mean, middle = gathered.rate / count[:, None], gathered.turned / count[:, None]
     rocks = ROCKS**2 * np.maximum(0.0, gathered.squares / count - (mean**2).sum(axis=1)) / 3
-    mean *= (settings.rate_bias_sd**2 / (settings.rate_bias_sd**2 + rocks))[:, None]  # what of it is the bias
-    last = gathered.sums - middle - mean * count[:, None] / 2  # what a bias turns by is no turn
-    straight = (mean**2).sum(axis=1) * count**2 / 20  # what a steady bias has of the spread
+    mean *= (settings.rate_bias_sd**2 / (settings.rate_bias_sd**2 + rocks))[:, None]  # the part of it that is the bias
+    last = gathered.sums - middle - mean * count[:, None] / 2  # a rotation by the bias is none of the bar
+    straight = (mean**2).sum(axis=1) * count**2 / 20  # the spread that a steady bias causes
     spread = gathered.turned_squares / count - (middle**2).sum(axis=1) - straight
     return step[:, None] * last, ROCKS_TURN * step * np.sqrt(np.maximum(0.0, spread) / 3)
 

@@ -1,4 +1,4 @@
-"""The filter's state at one time: everything that a rewind has to bring back."""
+"""The filter's state at one time: everything that a return to it has to restore."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ class State:
     """State of the filter; arrays are changed in place, and copied by :meth:`copy`.
 
     Attributes:
-        time_s: for which it holds.
+        time_s: time of the state, s.
         covariance: (N, N) of the error state (:mod:`sensing.robot.kernels`).
-        turn: (B, 3, 3) bar to world.
-        place, velocity: (B, 3) of the reference points.
-        rate_bias, force_bias: (B, 3).
-        anchor: (E, 3) where the sphere's centre would be without load, world.
-        normal: (E, 3) out of the support.
-        normal_variance: (E,) rad^2.
-        anchored: (E,) whether the anchor counts.
-        slips: (E,) probability.
-        creep: (1,) of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
-        softness: (1,) part by which domes yield more than ``Settings.compliance_m_n`` says, or forces are measured too
-            small.
-        rate, force: (B, 3) last samples, bar axes.
-        rate_s, force_s: (B,) their times.
-        rate_over_s: (B,) time over which the last rate is a mean; inf where none is known.
-        rate_used, force_used: (B, 3) their integrals since.
-        contact_s: (E,) time of the last reading whose numbers counted.
-        reading_s: (E,) of any.
-        lengths_s: of lengths.
-        astray_s: (E,) time since which an endcap that touches reports wrenches of no contact on its dome; NaN for none.
-        contacts: last reading of each endcap.
-        friction: (59,) weights of the coefficients.
-        consistency: (2,) mean squared innovation over its variance, lengths and anchors.
-        weight_ratio: lately.
-        rejected: lengths of the last sample.
-        known: what a simulation knows of each contact.
-        held_s: for how long nobody has measured the motion (:mod:`sensing.robot.silence`).
-        anew_s: when it was found again; -inf without.
+        turn: (B, 3, 3) rotations from bar to world axes.
+        place, velocity: (B, 3) positions, m, and velocities, m/s, of the reference points, world.
+        rate_bias, force_bias: (B, 3) biases of gyroscopes, rad/s, and accelerometers, m/s^2, bar axes.
+        anchor: (E, 3) position that the sphere's centre would have without load, world, m.
+        normal: (E, 3) unit normals, out of the support, world.
+        normal_variance: (E,) variances of the normals, rad^2.
+        anchored: (E,) whether the endcap has an anchor.
+        slips: (E,) probabilities of slip.
+        creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
+        softness: (1,) relative excess of the domes' yield over ``Settings.compliance_m_n``, or part by which forces are
+            measured too small.
+        rate, force: (B, 3) last samples, bar axes, rad/s and m/s^2.
+        rate_s, force_s: (B,) their times, s.
+        rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
+        rate_used, force_used: (B, 3) integrals of the used values since the last samples.
+        contact_s: (E,) time of the last reading with valid numbers, s.
+        reading_s: (E,) time of the last reading, s.
+        lengths_s: time of the last lengths, s.
+        astray_s: (E,) time since which a touching endcap reports wrenches of no contact on its dome, s; NaN for none.
+        contacts: last contact of each endcap.
+        friction: (59,) probabilities of the coefficients.
+        consistency: (2,) fading means of squared innovations over their variances, of lengths and of anchors.
+        weight_ratio: fading mean of the vertical forces' sum over the weight.
+        rejected: number of rejected lengths in the last sample.
+        known: true contacts of a simulation.
+        held_s: time for which the pose has been held without measurement, s (:mod:`sensing.robot.silence`).
+        anew_s: time at which the estimate began again, s; -inf without.
         began_moving: whether the robot moved as the estimate began.
         began_silent: numbers of the endcaps whose force was unknown then.
         began_unmeasured: numbers of the bars whose gyroscope was silent then.
         began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
-        unseen_s: for how long several gyroscopes were silent at once.
+        unseen_s: time for which several gyroscopes were silent at once, s.
     """
 
     time_s: float
@@ -108,7 +108,7 @@ class State:
 
 
 def empty_state(layout: Layout, time_s: float) -> State:
-    """A state of which nothing is known yet."""
+    """A state in which nothing is known yet."""
     bars, endcaps, never = layout.bars, layout.endcaps, -np.inf
 
     def of_bars() -> Array:

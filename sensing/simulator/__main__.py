@@ -16,7 +16,7 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES
 
-PATIENCE_S = 3.0  # a press takes 2 s; what takes longer is announced
+PATIENCE_S = 3.0  # s; a press takes 2 s, and one that takes longer is announced
 
 
 def main(arguments: list[str] | None = None) -> int:

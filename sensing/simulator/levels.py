@@ -8,19 +8,19 @@
 ==  ==========================================================  =====================================================
 1   Newton on the full model                                    nothing left out
 2   stored tangents, contact condensed on the patch             nothing; residual below ``tolerance`` instead of 1e-9
-3   50 modes, a third of the elements or less, contact as in 1  what modes cannot show: the report measures it
+3   50 modes, a third of the elements or less, contact as in 1  fields outside the modes' span: see the report
 4   polynomials fitted to level 2 (a library)                   path, stick and slip; planes only; no contact patch
 ==  ==========================================================  =====================================================
 
-A state that a level cannot certify is answered by the level above it; ``SceneState.level`` says which. Paths in the
-mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller asks for
+A state that a level cannot certify is solved by the level above it; ``SceneState.level`` states which one. Paths in the
+mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller requests
 azimuth 0 and turns the result: ``markers`` samples the turned field,
-:func:`sensing.simulator.solid.surface.turn_wrench` turns the wrench. Level 4 answers targets given by
+:func:`sensing.simulator.solid.surface.turn_wrench` turns the wrench. Level 4 takes targets given by
 normal and tangential force (``Target(normal_n, tangential_n=...)``, or :meth:`Simulator.bulk` for many at once); it
-knows no path, so a fall-back presses and then pulls. Level 3 trains itself when it first meets a plane at a tilt (some
-hundred level 2 states): for many states at few tilts.
+has no path, so a fall-back presses and then pulls. Level 3 is trained when it first meets a plane at a tilt (some
+hundred level 2 states), so it suits many states at few tilts.
 
-Rate effects (levels 1 and 2) come with the silicone's series, and then targets say when they are reached:
+Rate effects (levels 1 and 2) need the silicone's series, and targets then state the times at which they are reached:
 
     simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), prony=silicone().prony_series())
     simulator.follow(scene, [Target(depth_mm=4, time_s=0.05), Target(depth_mm=4, time_s=1.0)])
@@ -57,11 +57,11 @@ from sensing.simulator.solid.shell import PLAIN
 from sensing.simulator.solid.shell_halves import ShellHalves
 from sensing.simulator.solid.surface import turn_wrench
 
-LEVELS = (1, 2, 3, 4)
-RATE_LEVELS = (1, 2)  # those that can have rate effects: the others are fitted to elastic states
-TOLERANCE = 1e-3  # of level 2: residual over contact force
-MAX_TOLERANCE = 1e-2
-STEP_N = 5.0  # of one press
+LEVELS = (1, 2, 3, 4)  # see the module's text
+RATE_LEVELS = (1, 2)  # levels with rate effects; the others are fitted to elastic states
+TOLERANCE = 1e-3  # of level 2, relative: residual over contact force
+MAX_TOLERANCE = 1e-2  # largest tolerance that is accepted
+STEP_N = 5.0  # N, load step of :meth:`Simulator.press`
 Answer = Callable[[Target], SceneState]
 
 
@@ -71,10 +71,10 @@ class Simulator:
     Args:
         geometry, law, density: the shell, its silicone, and the density of its mesh.
         level: 1 to 4 (see the module's text).
-        tolerance: of level 2.
-        library: what level 4 answers from (:mod:`sensing.simulator.reduced.library_fit`).
+        tolerance: relative residual of level 2.
+        library: fitted library of level 4 (:mod:`sensing.simulator.reduced.library_fit`).
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
-        interlock: how many times as stiff as silicone the zone with the TPU gyroid is.
+        interlock: stiffness of the zone with the TPU gyroid over that of silicone.
 
     Raises:
         ParameterError: unknown level or density, tolerance out of range, no library or one of another shell or mesh,
@@ -117,28 +117,28 @@ class Simulator:
         """States along a path from the untouched shell, one for each target.
 
         Args:
-            scene: what presses.
-            targets: where each step ends, in order.
-            began_s: when the shell was last untouched, on the path's clock, s.
+            scene: the indenter, its first touch and its friction.
+            targets: end of each step, in order.
+            began_s: time at which the shell was last untouched, on the path's clock, s.
 
         Raises:
-            Refusal: the state at that target has no trustworthy answer; those before it stand.
+            Refusal: the simulator cannot solve that target reliably; the states before it are valid.
         """
         yield from map(self._answers(scene, targets, began_s), targets)
 
     def press(
         self, normal_n: float, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0), **scene: Any
     ) -> SceneState:
-        """One press from the untouched shell, in steps of about 5 N; those that the mesh cannot feel are skipped.
+        """One press from the untouched shell, in steps of about 5 N; steps that the mesh cannot resolve are skipped.
 
         Args:
             normal_n: force along the inward normal at first touch, N.
-            tilt_deg: polar angle of first contact from the tip.
-            shift_mm: tangential travel along (meridian, lateral) at that force.
+            tilt_deg: polar angle of first contact from the tip, degrees.
+            shift_mm: tangential travel along (meridian, lateral) at that force, mm.
             scene: friction (0.5), and kind, radius_mm, axis_deg of the :class:`Indenter` (a plane).
 
         Raises:
-            Refusal: the state has no trustworthy answer.
+            Refusal: the simulator cannot solve the state reliably.
         """
         validity.require_pressable(self.geometry, normal_n, shift_mm)
         friction = float(scene.pop("friction", 0.5))
@@ -156,12 +156,12 @@ class Simulator:
         return state
 
     def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Answer:
-        """A function that goes from state to state, for a path that is not known beforehand; never from the library.
+        """A function from target to state, for a path that is not known beforehand; it never uses the library.
 
         Args:
-            scene: what presses.
-            half: the path will stay in the mirror plane.
-            began_s: time at which it starts.
+            scene: the indenter, its first touch and its friction.
+            half: whether the path stays in the mirror plane.
+            began_s: time at which the path starts, s.
         """
         press = Press(self._shell.model(half), scene.indenter, scene.friction, self.prony)
         fast = FrozenPress(press, self.tolerance, self._tangents.setdefault((scene.indenter, half), []))
@@ -185,18 +185,18 @@ class Simulator:
     ) -> BulkStates:
         """Level 4 states of a plane.
 
-        States out of the library's range, or with too large an estimate, are solved on level 2, one by one.
+        States outside the library's range, or with too large an error estimate, are solved on level 2, one by one.
 
         Args:
-            tilt_deg: polar angles of first contact (s,).
-            normal_n: (s,), N.
-            tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg: polar angles of first contact (s,), degrees.
+            normal_n: normal forces (s,), N.
+            tangential_n: tangential forces along (meridian, lateral) (s, 2), N.
             friction: Coulomb's mu.
-            azimuth_deg: of the contact, one for all.
+            azimuth_deg: azimuth of all contacts, degrees.
 
         Raises:
             ParameterError: the simulator has no library.
-            Refusal: a state that no level can answer.
+            Refusal: a state that no level can solve.
         """
         if self._library is None:
             raise ParameterError(
@@ -214,9 +214,9 @@ class Simulator:
         return found
 
     def forget(self) -> None:
-        """Drop the stored tangents: what follows depends on nothing that went before (a shard begins so).
+        """Drop the stored tangents, so that later states do not depend on earlier ones (at the start of a shard).
 
-        Level 3's models stay: they depend on shell and body alone.
+        The models of level 3 are kept, because they depend on shell and body alone.
         """
         self._tangents.clear()
 
@@ -225,24 +225,24 @@ class Simulator:
         return self._shell.sampler(azimuth_deg).sample(state.surface_mm)
 
     def outlines(self, state: SceneState, camera: MountedCamera, azimuth_deg: float = 0.0) -> Array:
-        """Displacement (m, 3) that tracked windows show of the dots: the mean of rings round them, as a camera sees.
+        """Displacement (m, 3), mm, that tracked windows show of the dots: the mean of rings round them in the picture.
 
         Args:
-            state: of the scene.
-            camera: that sees the dots.
-            azimuth_deg: of the contact.
+            state: a state of the scene.
+            camera: camera in which the dots are tracked.
+            azimuth_deg: azimuth of the contact, degrees.
         """
         return shown_mm(self.geometry, self._shell.outlines(azimuth_deg).sample(state.surface_mm), camera)
 
     def _answers(self, scene: Scene, targets: Sequence[Target], began_s: float = 0.0) -> Answer:
-        """What answers the targets in turn: the library where it can, else a walk from the untouched shell."""
+        """Solver of the targets in turn: the library where it can, else a walk from the untouched shell."""
         half = scene.indenter.keeps_mirror and all(_in_mirror_plane(target) for target in targets)
         walk, library = self.walk(scene, half, began_s), self._library
         return lambda target: (library.answer(scene, target) if library else None) or walk(target)
 
     def _reduced_model(self, indenter: Indenter, half: bool) -> ReducedModel | None:
-        """Level 3's model, trained when first asked for; None where level 2 must do: other bodies, or a shell that
-        cannot be followed through the training (a thin one snaps).
+        """Level 3's model, trained when it is first needed; None for other bodies than planes, or a shell that cannot
+        follow the training path (a thin one snaps): then level 2 is used.
         """
         if indenter.kind != "plane":
             return None

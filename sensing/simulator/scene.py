@@ -12,7 +12,7 @@ from sensing.simulator.solid.mesh import Index
 
 @dataclass(frozen=True)
 class Scene:
-    """What presses on the shell: the body, where it first touches, and its friction (Coulomb's mu)."""
+    """The indenter with its place of first touch, and Coulomb's mu of its friction."""
 
     indenter: Indenter
     friction: float = 0.5
@@ -20,23 +20,23 @@ class Scene:
 
 @dataclass(frozen=True)
 class SceneState:
-    """One answer, whatever level gave it; contact on azimuth 0.
+    """One solved state, of any level; contact on azimuth 0.
 
     Attributes:
-        level: that answered (1 is the full model).
-        depth_mm, shift_mm: place of the body from first touch.
-        normal_n: force along the inward normal at first touch.
-        tangential_n: force on the shell along (meridian, lateral).
-        wrench: on the endcap at its origin (6,), N and N mm.
-        surface_mm: displacement of :attr:`sensing.simulator.levels.Simulator.surface` (k, 3).
-        patch_mm2: area in contact, whole shell.
-        slip_share: share of the normal force on slipping points; NaN at level 4.
+        level: level that solved it (1 is the full model).
+        depth_mm, shift_mm: travel of the body from first touch, mm: against the outward normal; (meridian, lateral).
+        normal_n: force along the inward normal at first touch, N.
+        tangential_n: force on the shell along (meridian, lateral), N.
+        wrench: wrench on the endcap at its origin (6,), N and N mm.
+        surface_mm: displacement at :attr:`sensing.simulator.levels.Simulator.surface` (k, 3), mm.
+        patch_mm2: contact area of the whole shell, mm2.
+        slip_share: share of the normal force that slipping points carry; NaN at level 4.
         error_estimate: at levels 3 and 4 the expected relative rms error of the markers (level 3: against level 1 on
             the same mesh); at level 2 the certificate's residual, force imbalance over contact force, which is no error
             of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error
             is not estimated.
         patch: points in contact with pressure, friction and slip (both halves), or None at level 4.
-        certificate: of the equilibrium, or None at level 4.
+        certificate: certificate of the equilibrium, or None at level 4.
     """
 
     level: int

@@ -1,7 +1,7 @@
 """Displacement of a dot as a camera sees it: the mean motion of its outline in the picture.
 
-A tracked window follows the outline in the picture. Its mean there is not the picture of its mean: a fisheye lens
-bends, and a ring that comes nearer or tilts looks otherwise. Of the fields this makes 0.1 % at 10 to 40 N.
+A tracked window follows the outline in the picture. The mean of the outline's image is not the image of its mean: a
+fisheye lens distorts, and a ring that comes nearer or tilts changes shape. This changes fields by 0.1 % at 10 to 40 N.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ def shown_mm(geometry: ShellGeometry, moved_mm: Array, camera: MountedCamera) ->
     """(m, 3) displacement of each dot that the camera would see as it sees the outline's mean; mm, endcap frame.
 
     Its distance from the pupil is that of the dot with the outline's mean displacement. Where the camera does not see
-    the dot and all of its outline, that mean itself.
+    the dot and all of its outline, the result is that mean itself.
 
     Args:
-        geometry: of the shell, with its m dots.
-        camera: with its place.
-        moved_mm: (m * OUTLINE_POINTS, 3) how :func:`sensing.simulator.solid.surface.outline_directions` move.
+        geometry: geometry of the shell, with its m dots.
+        camera: camera and its mounting.
+        moved_mm: (m * OUTLINE_POINTS, 3) displacement of :func:`sensing.simulator.solid.surface.outline_directions`.
     """
     centre, radius = np.array(geometry.centre_mm), geometry.inner_radius_mm
     dots, outlines = centre + radius * dot_directions(geometry), centre + radius * outline_directions(geometry)

@@ -27,13 +27,13 @@ class Bar:
     """One rigid bar with all that is screwed to it, its two endcaps included.
 
     Attributes:
-        name: as other entries refer to it.
-        length_m: between the mating planes of its two endcaps.
-        mass_kg: of bar, batteries, electronics and endcaps together.
-        inertia_kg_m2: (3, 3) about ``centre_of_mass_m``, bar axes.
-        centre_of_mass_m: (3,) in the bar frame.
-        ends_m: (2, 3) roughly where its ends are when the robot stands, z up: cable lengths alone cannot distinguish a
-            shape from its mirror image. NaN where unknown.
+        name: name of the bar in other entries.
+        length_m: distance of the mating planes of its two endcaps.
+        mass_kg: mass of bar, batteries, electronics and endcaps together.
+        inertia_kg_m2: (3, 3) inertia about ``centre_of_mass_m``, bar axes.
+        centre_of_mass_m: (3,) centre of mass in the bar frame.
+        ends_m: (2, 3) approximate positions of its ends when the robot stands, z up: cable lengths alone cannot
+            distinguish a shape from its mirror image. NaN where unknown.
     """
 
     name: str
@@ -49,10 +49,10 @@ class MountedEndcap:
     """One endcap on the end of a bar.
 
     Attributes:
-        name: of the live reading, ROS topic and recording.
+        name: name in live readings, ROS topics and recordings.
         bar: name of its bar.
-        T_bar_endcap: (4, 4) m.
-        diameter_mm, wall_mm: the design.
+        T_bar_endcap: (4, 4) mounting, m.
+        diameter_mm, wall_mm: the design: outer diameter D and wall T.
     """
 
     name: str
@@ -67,11 +67,11 @@ class Cable:
     """One cable between two bars; it pulls and never pushes.
 
     Attributes:
-        name: of the length that an encoder reports.
+        name: name of the length that an encoder reports.
         bars: names of the two bars.
         points_m: (2, 3) attachments, each in the frame of its bar.
         rest_m: length below which it is slack.
-        stiffness_n_m: force a metre beyond ``rest_m``.
+        stiffness_n_m: force per metre beyond ``rest_m``.
         measured: whether its length is reported.
     """
 
@@ -88,10 +88,10 @@ class InertialSensor:
     """An inertial sensor on a bar: gyroscope, with or without accelerometer.
 
     Attributes:
-        name: of its samples.
+        name: name in its samples.
         bar: name of its bar.
-        T_bar_imu: (4, 4) m.
-        accelerometer: whether it also reports acceleration.
+        T_bar_imu: (4, 4) mounting, m.
+        accelerometer: whether it also reports the specific force.
     """
 
     name: str
@@ -105,7 +105,7 @@ class TensegrityRobot:
     """A robot of bars and cables; :mod:`sensing.tensegrity.robot_file` reads and checks it.
 
     Attributes:
-        name: of the robot.
+        name: name of the robot.
         bars, endcaps, cables, sensors: in the order of the file; every array of the estimator has this order.
     """
 
@@ -116,10 +116,10 @@ class TensegrityRobot:
     sensors: tuple[InertialSensor, ...]
 
     def bar_number(self, name: str) -> int:
-        """Place of a bar in :attr:`bars`."""
+        """Index of a bar in :attr:`bars`."""
         return [bar.name for bar in self.bars].index(name)
 
     @property
     def mass_kg(self) -> float:
-        """Of the whole robot."""
+        """Mass of the whole robot, kg."""
         return float(sum(bar.mass_kg for bar in self.bars))

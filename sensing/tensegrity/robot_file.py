@@ -55,12 +55,12 @@ from sensing.tensegrity.description import Bar, Cable, InertialSensor, MountedEn
 from sensing.tensegrity.robot_table import Table, refuse
 from sensing.tensegrity.shape import balanced_shape, rotation_of
 
-SHIPPED = Path(__file__).with_name("three_bar.toml")
-MOST_BYTES = 1 << 20  # of the file
-MOST_STRETCH = 0.5  # of a cable's rest length; beyond it the lengths do not belong together
-ENDS_OFF = 0.2  # by which the distance of a bar's stated ends may differ from its length, as a part of it
-REACH_M = 0.3  # beyond a bar's end, or beside it, where something may still be screwed to it
-HEAVIEST = 1e6  # kg, m, N/m: more is a typing error
+SHIPPED = Path(__file__).with_name("three_bar.toml")  # description of the three-bar robot
+MOST_BYTES = 1 << 20  # largest file that is read
+MOST_STRETCH = 0.5  # of a cable's rest length; more stretch means that the lengths are inconsistent
+ENDS_OFF = 0.2  # largest relative difference of the distance of a bar's stated ends from its length
+REACH_M = 0.3  # largest distance of an attachment beyond a bar's end, or beside the bar
+HEAVIEST = 1e6  # kg, m, N/m; more is a typing error
 
 
 def load_robot(path: Path = SHIPPED) -> TensegrityRobot:
@@ -68,7 +68,7 @@ def load_robot(path: Path = SHIPPED) -> TensegrityRobot:
 
     Raises:
         FileError: missing, no TOML, an unknown or missing key.
-        ParameterError: a value that no robot has.
+        ParameterError: a value that no robot can have.
     """
     try:
         with path.open("rb") as stream:
@@ -119,7 +119,7 @@ def _endcap(entry: Table, lengths: dict[str, float]) -> MountedEndcap:
     turn = math.radians(entry.number("turn_deg", default=0.0))
     diameter = entry.number("diameter_mm", default=130.0)
     wall = entry.number("wall_mm", default=8.0)
-    EndcapParams(diameter, wall)  # refuses what cannot be made
+    EndcapParams(diameter, wall)  # refuses a design that cannot be made
     pose = np.eye(4)
     pose[:3, :3] = rotation_of(np.array([0.0, 0.0, turn]))
     pose[2, 3] = lengths[bar] / 2
@@ -181,7 +181,7 @@ def _check_names(path: str, robot: TensegrityRobot) -> None:
 
 
 def _check_shape(path: str, robot: TensegrityRobot) -> None:
-    """Whether the cables hold the bars in a shape.
+    """Check that the cables hold the bars in a shape.
 
     Raises:
         ParameterError: they do not, or only far beyond their rest lengths.

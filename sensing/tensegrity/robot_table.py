@@ -11,19 +11,19 @@ import numpy as np
 from cad.errors import FileError, ParameterError, printable
 from sensing.tensegrity.description import Array
 
-MOST_TABLES = 1000
+MOST_TABLES = 1000  # largest number of tables of one kind
 
 
 class Table:
-    """Values of one table; each key that was read counts as known, and :meth:`finish` refuses the rest."""
+    """Values of one table; keys that were read are accepted, and :meth:`finish` refuses all others."""
 
     def __init__(self, path: str, label: str, values: dict[str, Any]) -> None:
         """Take the values of a table.
 
         Args:
-            path: of the file.
-            label: of the table, for messages.
-            values: as the file states them.
+            path: path of the file.
+            label: name of the table in messages.
+            values: values of the file.
         """
         self.path, self.label, self.values = path, label, values
         self.known: set[str] = set()
@@ -39,7 +39,7 @@ class Table:
         return [Table(self.path, _label(key, place, entry), entry) for place, entry in enumerate(found, 1)]
 
     def finish(self, key: str = "") -> str:
-        """The text under a key, once every key that the table may have was read.
+        """The text under a key, or the check alone without a key, after all accepted keys were read.
 
         Raises:
             FileError: the table has another key.
@@ -52,16 +52,16 @@ class Table:
         return text
 
     def where(self) -> str:
-        """Begin of a message."""
+        """Beginning of a message: file and table."""
         return f"{self.path}: {self.label}: " if self.label else f"{self.path}: "
 
     def number(self, key: str, default: float | None = None, above: float = -math.inf, most: float = math.inf) -> float:
         """A finite number.
 
         Args:
-            key: of the value.
-            default: where there is none.
-            above, most: limits.
+            key: key of the value.
+            default: value of a missing key; None refuses it.
+            above, most: limits: greater than ``above``, at most ``most``.
         """
         value = _finite(self._get(key, default))
         if value is None:
@@ -73,12 +73,12 @@ class Table:
         return value
 
     def row(self, key: str, sizes: tuple[int, ...], default: list[float] | None = None) -> Array:
-        """Numbers in a list.
+        """A list of numbers.
 
         Args:
-            key: of the value.
-            sizes: how many there may be.
-            default: where there is none.
+            key: key of the value.
+            sizes: accepted numbers of entries.
+            default: value of a missing key; None refuses it.
         """
         found = self._numbers(self._get(key, default))
         if found is None or len(found) not in sizes:
@@ -86,12 +86,12 @@ class Table:
         return found
 
     def rows(self, key: str, count: int, size: int) -> Array:
-        """(count, size) numbers in a list of lists.
+        """(count, size) numbers from a list of lists.
 
         Args:
-            key: of the value.
-            count: of lists.
-            size: of each.
+            key: key of the value.
+            count: number of lists.
+            size: number of entries in each.
         """
         value = self._get(key, None)
         found = [self._numbers(row) for row in value] if isinstance(value, list) else []
@@ -108,14 +108,14 @@ class Table:
         return value
 
     def texts(self, key: str, count: int) -> list[str]:
-        """As many texts in a list."""
+        """A list of ``count`` texts."""
         value = self._get(key, None)
         if not isinstance(value, list) or len(value) != count or not all(isinstance(text, str) for text in value):
             refuse(self, key, value, f"no list of {count} texts")
         return value
 
     def choice(self, key: str, choices: Collection[str]) -> str:
-        """One of some texts."""
+        """One of the accepted texts."""
         value = self.text(key)
         if value not in choices:
             refuse(self, key, value, f"unknown: one of {', '.join(choices)}")
@@ -144,10 +144,10 @@ def refuse(table: Table, key: str, value: object, reason: str) -> NoReturn:
     """Refuse a value.
 
     Args:
-        table: in which it stands.
-        key: of the value.
-        value: as the file states it.
-        reason: why, and what is accepted.
+        table: table of the value.
+        key: key of the value.
+        value: value in the file.
+        reason: the reason, with the accepted range.
 
     Raises:
         ParameterError: always.

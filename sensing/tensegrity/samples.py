@@ -18,7 +18,7 @@ class InertialSample:
         time_s: capture time.
         sensor: name in the robot's description.
         rate_rad_s: (3,) angular velocity.
-        acceleration_m_s2: (3,) specific force (at rest: +g upward); None without.
+        acceleration_m_s2: (3,) specific force (at rest: +g upward); None without accelerometer.
     """
 
     time_s: float
@@ -42,15 +42,15 @@ class LengthSample:
 
 @dataclass(frozen=True)
 class FootSample:
-    """Wrench and contact of one endcap, as its live reading has them.
+    """Wrench and contact of one endcap, from its live reading.
 
     Attributes:
         time_s: capture time of the picture.
         endcap: name in the robot's description.
-        force_n, torque_nm: (3,) on the endcap, at the origin of the endcap frame; NaN where the numbers do not count.
-        covariance: (6, 6) of (force, torque); NaN where the model gives none.
+        force_n, torque_nm: (3,) on the endcap, at the origin of the endcap frame; NaN where the numbers are not valid.
+        covariance: (6, 6) covariance of (force, torque); NaN where the model gives none.
         touching: whether it touches; None where that is not known.
-        flags: of the wrench, for example "out_of_range".
+        flags: flags of the wrench, for example "out_of_range".
     """
 
     time_s: float

@@ -4,9 +4,9 @@
     shape.T_world_bar, shape.length_m, shape.tension_n
 
 Notes:
-    A minimum of the cables' energy, sum of k/2 max(0, l - l0)^2, over the poses of rigid bars (Connelly and Back 1998;
-    Tibert and Pellegrino 2003, doi:10.1177/0266351103018002012), found by Levenberg and Marquardt's steps (Marquardt
-    1963, doi:10.1137/0111030). Where a minimum has no energy, every cable is slack and the robot has no shape.
+    The shape is a minimum of the cables' energy, sum of k/2 max(0, l - l0)^2, over the poses of rigid bars (Connelly,
+    Back 1998; Tibert and Pellegrino 2003, doi:10.1177/0266351103018002012), found by the Levenberg-Marquardt method
+    (Marquardt 1963, doi:10.1137/0111030). If a minimum has no energy, every cable is slack and the robot has no shape.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from cad.errors import ParameterError
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.vectors import cross
 
-STEPS = 2000
-ENERGY_J = 1e-9  # below it no cable pulls
-STEP = 1e-10  # m and rad; shorter ones end the search
+STEPS = 2000  # largest number of steps
+ENERGY_J = 1e-9  # energy below which no cable pulls
+STEP = 1e-10  # m and rad; a shorter step ends the search
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Shape:
     """Poses of the bars and forces of the cables.
 
     Attributes:
-        T_world_bar: (B, 4, 4) m.
-        length_m, tension_n: (C,) of the cables.
+        T_world_bar: (B, 4, 4) poses, m.
+        length_m, tension_n: (C,) lengths and tensions of the cables.
     """
 
     T_world_bar: Array
@@ -43,11 +43,11 @@ def balanced_shape(robot: TensegrityRobot, T_world_bar: Array | None = None) -> 
     """The balanced shape nearest to a start.
 
     Args:
-        robot: its bars and cables.
-        T_world_bar: (B, 4, 4) m, where to start; None for the ends that its bars state.
+        robot: robot with its bars and cables.
+        T_world_bar: (B, 4, 4) m, poses at the start; None for the ends that the bars state.
 
     Raises:
-        ParameterError: no start.
+        ParameterError: no start: a bar states no ends.
     """
     poses = standing_poses(robot) if T_world_bar is None else np.array(T_world_bar, float)
     stiffness = np.array([cable.stiffness_n_m for cable in robot.cables])
@@ -72,7 +72,7 @@ def balanced_shape(robot: TensegrityRobot, T_world_bar: Array | None = None) -> 
 
 
 def standing_poses(robot: TensegrityRobot) -> Array:
-    """(B, 4, 4) m of the bars between the ends that the robot's file states, not turned about themselves.
+    """(B, 4, 4) m, poses of the bars between the ends that the robot's file states, without a turn about themselves.
 
     Raises:
         ParameterError: a bar without stated ends.
@@ -100,7 +100,7 @@ def turn_z_to(direction: Array) -> Array:
 
 
 def rotation_of(vector: Array) -> Array:
-    """(3, 3) of a rotation vector (rad), Rodrigues' formula."""
+    """(3, 3) rotation matrix of a rotation vector, rad (Rodrigues' formula)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], float)
@@ -110,7 +110,7 @@ def rotation_of(vector: Array) -> Array:
 
 
 def moved(T_world_bar: Array, step: Array) -> Array:
-    """Poses after (6 B,) steps: three of translation (m) and three of rotation (rad, world axes) a bar."""
+    """Poses after (6 B,) steps: for each bar three of translation (m) and three of rotation (rad, world axes)."""
     poses = T_world_bar.copy()
     for pose, change in zip(poses, step.reshape(-1, 6), strict=True):
         pose[:3, 3] += change[:3]
@@ -119,11 +119,11 @@ def moved(T_world_bar: Array, step: Array) -> Array:
 
 
 def cable_lengths(robot: TensegrityRobot, T_world_bar: Array) -> tuple[Array, Array]:
-    """((C,) m, (C, 6 B) derivative after the steps of :func:`moved`).
+    """((C,) cable lengths, m, (C, 6 B) derivative by the steps of :func:`moved`).
 
     Args:
-        robot: its bars and cables.
-        T_world_bar: (B, 4, 4) m.
+        robot: robot with its bars and cables.
+        T_world_bar: (B, 4, 4) poses, m.
     """
     number = {bar.name: place for place, bar in enumerate(robot.bars)}
     places = np.array([[number[name] for name in cable.bars] for cable in robot.cables], int).reshape(-1, 2)

@@ -1,9 +1,9 @@
 """The reading of an endcap that stands still under a load, out of a stream of readings.
 
-    watch = RestWatch(); watch.add(reading) ...; watch.pressed()        # what to average, or why there is nothing
+    watch = RestWatch(); watch.add(reading) ...; watch.pressed()        # the interval to average, or a WeighingError
 
-An interval counts as rest when its two halves agree and it does not scatter; silicone creeps for seconds after a load,
-so of several the last one is taken. N, s.
+An interval counts as rest if its two halves agree and its scatter is small. Silicone creeps for seconds after a load,
+so the last of several intervals is taken. N, s.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.gain import WeighingError
 
+# Advice by flag of a reading.
 HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
@@ -24,22 +25,22 @@ HINTS = {
 }
 Array = NDArray[np.float64]
 STILL_S = 1.0  # length of an interval at rest
-LEAST_READINGS = 5  # in such an interval
-# Most that the halves differ by, and most standard deviation: in N at D=130 T=8, or part of the load if that is larger.
+LEAST_READINGS = 5  # fewest readings in such an interval
+# Largest difference of the halves, and largest standard deviation: in N at D=130 T=8, or part of the load if larger.
 MOVED_N, MOVED_PART = 0.05, 0.01
 SCATTER_N, SCATTER_PART = 0.15, 0.02
-MOST_FLAGGED = 0.05  # of the readings
+MOST_FLAGGED = 0.05  # part of the readings that may be flagged
 
 
 @dataclass(frozen=True)
 class Rest:
-    """An interval at rest.
+    """Averages of an interval at rest.
 
     Attributes:
-        wrench: (6,) median estimate, endcap frame.
-        covariance: (6, 6) of a single estimate: errors repeat, so averaging makes it no smaller.
-        moved_n: between its halves.
-        readings: how many.
+        wrench: (6,) median estimate, endcap frame, N and N m.
+        covariance: (6, 6) covariance of a single estimate: errors repeat, so averaging does not reduce it.
+        moved_n: difference of its halves, N.
+        readings: number of readings.
     """
 
     wrench: Array
@@ -63,13 +64,13 @@ class _Row:
 
 
 class RestWatch:
-    """Keeps the readings of one pose.
+    """Keeps the readings of one pose, and finds intervals at rest in them.
 
     Args:
-        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`).
 
     Attributes:
-        largest_n: largest force so far.
+        largest_n: largest force so far, N.
     """
 
     def __init__(self, load_scale: float = 1.0) -> None:
@@ -79,7 +80,7 @@ class RestWatch:
         self.largest_n = 0.0
 
     def add(self, reading: EndcapReading) -> None:
-        """One reading; one without numbers only leaves its reason."""
+        """Add a reading; of one without numbers only the reason is kept."""
         if not reading.valid:
             self._blind = reading.reason
             return
@@ -97,7 +98,7 @@ class RestWatch:
         self.largest_n = max(self.largest_n, float(np.linalg.norm(estimate.force_n)))
 
     def newest(self) -> tuple[float, float]:
-        """(force now, how far it moved within the last interval), N; NaN before there is one."""
+        """(newest force, its change within the last interval), N; NaN before the first interval."""
         rows = self._window(len(self._rows))
         if not rows:
             return float("nan"), float("nan")
@@ -105,10 +106,10 @@ class RestWatch:
         return float(np.linalg.norm(rest.wrench[:3])), rest.moved_n
 
     def untouched(self) -> Rest:
-        """The newest interval, which must be free of load.
+        """The newest interval, which must be without load.
 
         Raises:
-            WeighingError: it is not.
+            WeighingError: the endcap carries a load, or no interval is at rest.
         """
         rows = self._window(len(self._rows))
         if not rows:

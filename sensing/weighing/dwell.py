@@ -1,12 +1,12 @@
-"""Constants of the rate effects from one dwell test: a weight put on, left standing, taken off (N, s).
+"""Fits the constants of the rate effects to one dwell test: a weight is put on, left, and taken off (N, s).
 
     found = fit_dwell(time_s, force_n, sd_n)
     found.terms
 
-While a dead weight stands on the dome the true force is constant, and zero once it is gone; what the model reports
-creeps, because it knows the shell's shape only. The terms are those that make the corrected force constant in the dwell
-and after it what it was before: the weight itself need not be known, and nothing is asked of the moments at which it is
-put on and taken off. A reading of the untouched endcap that is not quite zero is an old reference's, and no creep.
+While a dead weight stands on the dome the true force is constant, and zero once it is gone; the force of the model
+creeps, because it depends on the shell's shape alone. The fitted terms make the corrected force constant in the dwell,
+and after it equal to that before: the weight need not be known, and the moments at which it is put on and
+taken off are not used. A small constant reading of the untouched endcap is due to an old reference, not to creep.
 
 Notes:
     For given relaxation times the corrected force is linear in the strengths b and the dwell's level F,
@@ -32,32 +32,32 @@ from sensing.wrench.contact import autocorrelation_time
 from sensing.wrench.relaxation import Term, advanced
 
 Array = NDArray[np.float64]
-LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0  # under the weight, and after its release
-LEAST_LOAD_N = 3.0  # at D=130 T=8
-LIFTED_PART, LIFTED_READINGS = 0.5, 3  # below this part of the load, so often, the weight was lifted: creep is percents
-JUMP_PART = 0.25  # of the steepest slope: below it the weight stands, and what still moves is creep
-GRID = 13  # relaxation times looked at in each round
-RESOLUTION = 0.002  # of the relaxation times, relative
-STEP = 1e-4  # of a relaxation time, for derivatives
-SIGNIFICANT = 3.0  # a term whose strength is below so many deviations is left out
+LEAST_DWELL_S, LEAST_AFTER_S = 3.0, 2.0  # least time under the weight, and after its release
+LEAST_LOAD_N = 3.0  # least load, at D=130 T=8
+LIFTED_PART, LIFTED_READINGS = 0.5, 3  # part of the load, and number of readings below it: the weight was lifted
+JUMP_PART = 0.25  # of the steepest slope; below it the weight stands, and the remaining motion is creep
+GRID = 13  # relaxation times that are evaluated in each round
+RESOLUTION = 0.002  # relative resolution of the relaxation times
+STEP = 1e-4  # relative step of a relaxation time for derivatives
+SIGNIFICANT = 3.0  # in standard deviations; a term of smaller strength is left out
 
 
 class DwellError(EndcapError):
-    """A dwell test that shows no constants: too short, no load, or no rate effect over the noise."""
+    """A dwell test that does not determine constants: too short, no load, or no rate effect above the noise."""
 
 
 @dataclass(frozen=True)
 class Dwell:
-    """The result.
+    """Result of a dwell test.
 
     Attributes:
-        terms: of the series, short times first.
-        rest_n: median force before the weight, taken out of all that follows.
-        level_n: corrected force in the dwell.
-        before_n, after_n: root mean square of what creeps in the dwell and is left after it, without and with them.
-        noise_n: of single readings, standard deviation.
-        used: (n,) bool, the readings that counted.
-        corrected_n: (n,) force with the terms.
+        terms: terms of the Prony series, short times first.
+        rest_n: median force before the weight, which is subtracted, N.
+        level_n: corrected force in the dwell, N.
+        before_n, after_n: root mean square creep in the dwell and after it, without and with the correction, N.
+        noise_n: standard deviation of single readings, N.
+        used: (n,) bool, whether the reading was used.
+        corrected_n: (n,) corrected force, N.
     """
 
     terms: tuple[Term, ...]
@@ -71,21 +71,21 @@ class Dwell:
 
     @property
     def left_share(self) -> float:
-        """Part of the creep that the terms leave unexplained, single readings' noise excluded; 0 is perfect."""
+        """Part of the creep that the terms leave, without the noise of single readings; 0 is a perfect fit."""
         creep, left = (math.sqrt(max(n**2 - self.noise_n**2, 0.0)) for n in (self.before_n, self.after_n))
         return left / creep if creep else 1.0
 
 
 def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
-    """Terms that one dwell test shows.
+    """Fit the terms to one dwell test.
 
     Args:
-        time_s: (n,) rising.
-        force_n: (n,) the model's force along the load, positive under it; untouched at the start.
-        load_scale: how large the endcap's forces are (:mod:`sensing.wrench.load_scale`).
+        time_s: (n,) rising times, s.
+        force_n: (n,) force of the model along the load, N, positive under it; untouched at the start.
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`).
 
     Raises:
-        DwellError: no load, a dwell or a time after it that is too short, or nothing that relaxes.
+        DwellError: no load, a dwell or a time after it that is too short, or no relaxation.
     """
     rest_n, dwell, after = _intervals(time_s, force_n, LEAST_LOAD_N * load_scale)
     force_n, used = force_n - rest_n, dwell | after
@@ -112,7 +112,7 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
 
 
 def _noise_n(force_n: Array, used: NDArray[np.bool_]) -> float:
-    """Of single readings, by second differences, in which creep is small; their median, since jumps are not."""
+    """Standard deviation of single readings, N: median of second differences, where creep is small and jumps few."""
     second = np.diff(force_n, 2)[np.flatnonzero(used[1:-1])]
     return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6)
 
@@ -121,7 +121,7 @@ def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, ND
     """(force before the load, readings of the dwell, those after it), without the moments around load and release.
 
     Raises:
-        DwellError: the force does not rise, stand and fall.
+        DwellError: the force does not rise, stay and fall.
     """
     if len(time_s) < 30 or not np.isfinite(force_n).all() or not (np.diff(time_s) > 0).all():
         raise DwellError(f"{len(time_s)} readings: a dwell test has hundreds, in the order of time")
@@ -155,11 +155,11 @@ def _intervals(time_s: Array, force_n: Array, least_n: float) -> tuple[float, ND
 
 
 def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> Array:
-    """(terms, n) overstress that terms of strength one would have.
+    """(terms, n) overstress for terms of strength one.
 
     Args:
-        time_s, force_n: (n,) of the curve.
-        taus_s: relaxation time of each term.
+        time_s, force_n: (n,) times, s, and forces, N, of the curve.
+        taus_s: relaxation time of each term, s.
     """
     tau = np.asarray(taus_s, float)
     found, now = np.zeros((len(tau), len(time_s))), np.zeros((len(tau), 1))
@@ -172,7 +172,7 @@ def unit_overstress(time_s: Array, force_n: Array, taus_s: Sequence[float]) -> A
 
 
 def _settled(slope: Array, start: int, way: int) -> int:
-    """First reading from ``start`` on, in a direction, at which the jump around ``start`` is over."""
+    """First reading from ``start`` on, in the direction ``way``, at which the jump around ``start`` is over."""
     near = slope[max(0, start - 15) : start + 15]
     limit = JUMP_PART * float(near.max())
     place = start
@@ -210,7 +210,7 @@ def _solved(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tu
 
 
 def _system(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tuple[Array, Array]:
-    """Rows: the dwell without its mean (which eliminates the level), then what follows."""
+    """Design matrix and right-hand side: the dwell without its mean (which eliminates the level), then the rest."""
     rows = np.vstack([(curves[:, dwell] - curves[:, dwell].mean(axis=1, keepdims=True)).T, curves[:, after].T])
     wanted = -np.concatenate([force_n[dwell] - force_n[dwell].mean(), force_n[after]])
     return rows, wanted
@@ -228,7 +228,7 @@ def _significant(
         repeated = autocorrelation_time(wanted - matrix @ strength)
         variance = square / max(1, len(wanted) - 2 * len(taus) - 1) * repeated
         moved = unit_overstress(time_s, force_n, [tau * (1 + STEP) for tau in taus])
-        by_time = strength[:, None] * (moved - curves) / STEP  # per part of a relaxation time
+        by_time = strength[:, None] * (moved - curves) / STEP  # derivative by the logarithm of a relaxation time
         whole = np.hstack([matrix, _system(by_time, force_n, dwell, after)[0]])
         scale = np.maximum(np.linalg.norm(whole, axis=0), 1e-12)
         inverse = np.linalg.pinv((whole / scale).T @ (whole / scale), rcond=1e-10) / np.outer(scale, scale)

@@ -1,4 +1,4 @@
-"""Readings of one endcap from a recording, a video or a folder of pictures, without a gain; nothing runs beside it.
+"""Readings of one endcap from a recording, a video or a folder of pictures, without a gain; computed one by one.
 
     for reading in film_readings(endcap, "press.mp4", model): ...
 
@@ -25,19 +25,19 @@ from sensing.live.replay import Recorded, read_config
 from sensing.sources.choose import is_camera_number, open_frames
 from sensing.sources.files import DEFAULT_RATE_HZ, FolderSource
 
-RECORDING = ".mcap"
+RECORDING = ".mcap"  # suffix of a recording
 
 
 def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterator[EndcapReading]:
-    """Readings of all pictures, in order; of a cut or damaged recording those before, with a warning.
+    """Readings of all pictures, in order; a cut or damaged recording ends with a warning.
 
     Args:
-        endcap: its name, design and camera.
-        source: file or folder.
-        model: estimates the wrench.
+        endcap: endcap with its name, design and camera.
+        source: path of the file or folder.
+        model: model that estimates the wrench.
 
     Raises:
-        FileError: nothing of that name, a camera or an address, no such endcap in a recording, or a recording of
+        FileError: no such file, a camera or an address, no such endcap in a recording, or a recording of
             another design.
         ParameterError: a camera file of another picture size.
     """
@@ -86,7 +86,7 @@ def require_design(recording: Path, endcap: EndcapConfig) -> None:
     """Refuse a recording that was made with another design under the same name.
 
     Raises:
-        FileError: of another design or dot pattern, or no recording.
+        FileError: a recording of another design or dot pattern, or no recording.
     """
     for held in read_config(recording).endcaps:
         if held.name != endcap.name:
@@ -101,19 +101,19 @@ def require_design(recording: Path, endcap: EndcapConfig) -> None:
 
 
 def _pictures(source: str) -> Iterator[Recorded]:
-    """Of a video or folder."""
+    """Pictures of a video or folder."""
     with open_frames(source) as frames:
         for frame in frames:
             yield Recorded(frame, None)
 
 
 def _is_device(source: str) -> bool:
-    """Whether it is a camera's name in /dev, which is not a film."""
+    """Whether a source is a camera in /dev, which cannot be used as a film."""
     return Path(source).is_char_device()
 
 
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:
-    """The endcap as if its silicone were that of the training data, without rate effects."""
+    """The endcap with the silicone of the training data, without rate effects."""
     on_n, off_n = endcap.contact_on_n / endcap.gain, endcap.contact_off_n / endcap.gain
     plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=())
     return replace(plain, contact_on_n=on_n, contact_off_n=off_n)

@@ -1,4 +1,4 @@
-"""One gain from loads that are known: generalised least squares, and the reasons to refuse.
+"""Fits one gain to known loads by generalised least squares, and refuses inconsistent ones.
 
     found = fit_gain([Pose("500 g", load_n, load_sd_n, force_n, covariance), ...])
     found.gain, found.sd, found.chi_square
@@ -6,14 +6,14 @@
 Forces in N on the endcap, endcap frame.
 
 Notes:
-    Pose k presses with the known force L_k = -W_k d_k (W_k its weight, d_k the vertical in the endcap frame) and the
+    In pose k the known force L_k = -W_k d_k presses (W_k its weight, d_k the vertical in the endcap frame), and the
     model with gain one estimates f_k. With r_k = g f_k - L_k and
 
         V_k = g^2 (C_k + m^2 f_k f_k') + s_k^2 d_k d_k' + (W_k a)^2 (I - d_k d_k'),
 
-    C_k the model's covariance, m :data:`MODEL_SD`, s_k the weight's deviation and a :data:`ATTITUDE_RAD`, the gain is
-    g = sum f' V^-1 L / sum f' V^-1 f (V from the gain before, until it stands still). Errors of the model repeat from
-    pose to pose, so their parts of the gain's deviation are added, those of the weights as squares.
+    C_k the model's covariance, m :data:`MODEL_SD`, s_k the weight's standard deviation and a :data:`ATTITUDE_RAD`, the
+    gain is g = sum f' V^-1 L / sum f' V^-1 f (V from the gain before, until it converges). Errors of the model repeat
+    from pose to pose, so their parts of the gain's standard deviation are added; those of the weights add as squares.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from sensing.weighing.words import MOST_TILT_DEG
 from sensing.wrench.quantiles import chi_square_quantile
 
 Array = NDArray[np.float64]
-MODEL_SD = 0.01  # E: of a load, by which the model is off beside its covariance: wall, contact, mesh
-ATTITUDE_RAD = math.radians(1.0)  # E: how well a table is level and a tilt is set
-CONTRADICTION = 1e-3  # probability with which consistent weights are refused, by all residuals or those along the loads
-ALIKE_DEG = 3.0  # E: verticals of poses that differ by less are those of one table
-SAME_DEG = 1e-6  # verticals that were given as one differ by rounding
-LEAST_POSES = 2  # a single wrong weight could not be noticed
+MODEL_SD = 0.01  # E: of a load, error of the model beside its covariance: wall, contact, mesh
+ATTITUDE_RAD = math.radians(1.0)  # E: error with which a table is level and a tilt is set
+CONTRADICTION = 1e-3  # probability with which consistent weights are refused, by each of the two tests
+ALIKE_DEG = 3.0  # E: verticals that differ by less are those of one table
+SAME_DEG = 1e-6  # verticals that were given as equal differ by rounding
+LEAST_POSES = 2  # with one pose a wrong weight could not be found
 LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
-SOFTEST, STIFFEST = 0.04, 5.0  # E: gains that silicones of cad/materials.csv and harder ones have
-UNITS_G = {"N": 101.972, "oz": 28.3495}  # typed by mistake for g, in g (kg and lb are too few to be g)
+SOFTEST, STIFFEST = 0.04, 5.0  # E: range of gains of the silicones in cad/materials.csv and of harder ones
+UNITS_G = {"N": 101.972, "oz": 28.3495}  # g; units typed by mistake for g (kg and lb give too small numbers)
 ROUNDS = 50  # iterations of the fit
 
 
 class WeighingError(EndcapError):
-    """A weighing that cannot be used: too few poses, a load that is not there, weights that contradict one another."""
+    """A weighing that cannot be used: too few poses, a missing load, weights that contradict one another."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Pose:
     """One known load.
 
     Attributes:
-        name: as the user knows it.
-        load_n: (3,) force on the endcap.
-        load_sd_n: standard deviation of its size.
-        force_n: (3,) what the model estimates with gain one.
-        covariance: (3, 3) of that.
+        name: name that the user gave.
+        load_n: (3,) force on the endcap, N.
+        load_sd_n: standard deviation of its norm, N.
+        force_n: (3,) estimate of the model with gain one, N.
+        covariance: (3, 3) covariance of the estimate, N2.
     """
 
     name: str
@@ -66,25 +66,25 @@ class Pose:
 
     @property
     def weight_n(self) -> float:
-        """Size of the load."""
+        """Norm of the load, N."""
         return float(np.linalg.norm(self.load_n))
 
     @property
     def reading_n(self) -> float:
-        """Estimate along the load."""
+        """Component of the estimate along the load, N."""
         return float(self.force_n @ self.load_n) / self.weight_n
 
 
 @dataclass(frozen=True)
 class Gain:
-    """The result.
+    """Result of the fit.
 
     Attributes:
-        gain, sd: dimensionless.
-        chi_square: of the residuals.
-        freedom: degrees of freedom of that.
-        residual_n: (n, 3) what is left of each pose.
-        along: chi-square of its part along the loads, the one that a wrong weight changes.
+        gain, sd: gain and its standard deviation, dimensionless.
+        chi_square: chi-square of the residuals.
+        freedom: its degrees of freedom.
+        residual_n: (n, 3) residual of each pose, N.
+        along: chi-square of the part of the residuals along the loads, which a wrong weight changes.
     """
 
     gain: float
@@ -106,10 +106,10 @@ class Gain:
 
 
 def fit_gain(poses: Sequence[Pose]) -> Gain:
-    """The gain that poses agree on.
+    """The gain that all poses agree on.
 
     Raises:
-        WeighingError: fewer than two poses, all of one load, a unit mixed up, or poses that contradict one another.
+        WeighingError: fewer than two poses, all of one load, a wrong unit, or poses that contradict one another.
     """
     require_poses(poses)
     for pose in poses:
@@ -128,10 +128,10 @@ def fit_gain(poses: Sequence[Pose]) -> Gain:
 
 
 def require_poses(poses: Sequence[Pose]) -> None:
-    """Whether there are enough poses, and different ones.
+    """Check that there are enough poses, with different loads.
 
     Raises:
-        WeighingError: there are not.
+        WeighingError: there are too few, or their loads are equal.
     """
     if len(poses) < LEAST_POSES:
         raise WeighingError(
@@ -148,10 +148,10 @@ def require_poses(poses: Sequence[Pose]) -> None:
 
 
 def require_unit(pose: Pose) -> None:
-    """Whether a pose's gain is one that silicone can have.
+    """Check that a pose's gain is one that silicone can have.
 
     Raises:
-        WeighingError: it is not; names the unit with which it would be.
+        WeighingError: it is not; the message names the unit with which it would be.
     """
     gain = pose.weight_n / pose.reading_n if pose.reading_n > 0 else math.nan
     if SOFTEST <= gain <= STIFFEST:
@@ -172,7 +172,7 @@ def require_unit(pose: Pose) -> None:
 
 
 def pose_gain(pose: Pose) -> tuple[float, float]:
-    """(gain, standard deviation) that one pose shows."""
+    """(gain, standard deviation) of one pose."""
     found = _fitted([pose])
     return found.gain, found.sd
 
@@ -202,7 +202,7 @@ def _fitted(poses: Sequence[Pose]) -> Gain:
 
 
 def _chi_square_across(pose: Pose, gain: float) -> float:
-    """Of the residual across the load: no other weight makes it smaller, another attitude does."""
+    """Chi-square of the residual across the load: no other weight makes it smaller, but another attitude does."""
     across = np.linalg.svd(pose.load_n[None, :])[2][1:]  # (2, 3), orthogonal to the load
     side = across @ (gain * pose.force_n)
     model = pose.covariance + MODEL_SD**2 * np.outer(pose.force_n, pose.force_n)
@@ -211,7 +211,7 @@ def _chi_square_across(pose: Pose, gain: float) -> float:
 
 
 def _leaning(poses: Sequence[Pose], gain: float, beyond: str) -> str:
-    """By how much the forces lean, and the attitudes at which they would not; one attitude where all agree."""
+    """By how much the forces lean, and the attitudes that would explain it; one attitude where all agree."""
     across = [_chi_square_across(pose, gain) for pose in poses]
     limit = chi_square_quantile(1 - CONTRADICTION, 2)
     found = [pose for pose, size in zip(poses, across, strict=True) if size > limit or size == max(across)]
@@ -243,12 +243,12 @@ def _attitude(up: Array) -> str:
 
 
 def _angle_deg(one: Array, other: Array) -> float:
-    """Between unit vectors; by the sine, too, because the cosine alone is blunt where they are near."""
+    """Angle between unit vectors, degrees; by the sine, too, because the cosine alone is inaccurate for small ones."""
     return math.degrees(math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other)))
 
 
 def _contradiction(poses: Sequence[Pose], beyond: str) -> str:
-    """Names the pose without which the others agree best; of two, both."""
+    """Text that names the pose without which the others agree best; of two, both."""
     head = f"the weights contradict one another {beyond}"
     single = {pose.name: pose_gain(pose)[0] for pose in poses}
     if len(poses) == LEAST_POSES:

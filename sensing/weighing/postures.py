@@ -1,4 +1,4 @@
-"""One gain for each endcap of a robot from its own weight: it stands in several postures, nothing else touches.
+"""Fits one gain for each endcap of a robot to its own weight: it stands in several postures, nothing else touches.
 
     found = fit_gains([Posture("one", up, forces, covariances, torques...), ...], weight_n=117.7)
 
@@ -6,12 +6,12 @@ Robot frame, N; names as in endcaps.toml.
 
 Notes:
     In every posture p the forces of the ground carry the weight, sum_i g_i F_pi = W u_p, with F_pi the model's force on
-    endcap i, turned to the robot frame, and u_p the vertical. That is linear in the gains: generalised least squares
-    with the covariance sum_i g_i^2 (C_pi + m^2 F_pi F_pi') + s^2 u u' + (W a)^2 (I - u u') of a posture
-    (:mod:`sensing.weighing.gain` has the letters). An endcap that never carries load, or only together with others in
-    the same proportions, is refused by name. What repeats from posture to posture does not average out of a gain's
-    deviation: m and the part by which W is wrong stay in it whole, and what C lets an endcap be off is added over the
-    postures, that of several endcaps and of the verticals as squares.
+    endcap i in the robot frame, and u_p the vertical. That is linear in the gains: generalised least squares with the
+    covariance sum_i g_i^2 (C_pi + m^2 F_pi F_pi') + s^2 u u' + (W a)^2 (I - u u') of a posture
+    (:mod:`sensing.weighing.gain` defines symbols). An endcap that never carries load, or only together with others in
+    the same proportions, is refused by name. Errors that repeat from posture to posture do not average out of a gain's
+    standard deviation: m and the relative error of W enter it in full, and the errors of C of one endcap are added over
+    the postures, those of several endcaps and of the verticals as squares.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ import numpy as np
 from sensing.weighing.gain import ATTITUDE_RAD, CONTRADICTION, MODEL_SD, ROUNDS, SOFTEST, STIFFEST, Array, WeighingError
 from sensing.wrench.quantiles import chi_square_quantile
 
-LARGEST_SD = 0.1  # of a gain, relative: beyond it the postures do not show it
-WEIGHT_SD = 0.005  # E: of the robot's weight, relative
+LARGEST_SD = 0.1  # relative standard deviation of a gain above which the postures do not determine it
+WEIGHT_SD = 0.005  # E: relative error of the robot's weight
 
 
 @dataclass(frozen=True)
 class Posture:
-    """The robot standing still.
+    """Readings of the robot standing still.
 
     Attributes:
-        name: as the user knows it.
-        up: (3,) vertical, robot frame, any length.
-        force_n: (3,) of each endcap that carries load, robot frame, gain one.
-        covariance: (3, 3) of each.
+        name: name that the user gave.
+        up: (3,) vertical, robot frame, of any length.
+        force_n: (3,) force of each endcap that carries load, robot frame, with gain one, N.
+        covariance: (3, 3) covariance of each, N2.
     """
 
     name: str
@@ -47,11 +47,11 @@ class Posture:
 
 @dataclass(frozen=True)
 class RobotGains:
-    """The result.
+    """Result of the fit.
 
     Attributes:
-        gain, sd: by endcap.
-        chi_square, freedom: of the residuals.
+        gain, sd: gain and its standard deviation by endcap.
+        chi_square, freedom: chi-square of the residuals and its degrees of freedom.
     """
 
     gain: dict[str, float]
@@ -64,12 +64,12 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
     """Gains of all endcaps at once.
 
     Args:
-        postures: at least two.
-        weight_n: of the robot, N.
-        endcaps: names of those whose gain is wanted.
+        postures: postures, at least two.
+        weight_n: weight of the robot, N.
+        endcaps: names of the endcaps whose gain is wanted.
 
     Raises:
-        WeighingError: too few postures, an endcap that they do not show, or postures that contradict one another.
+        WeighingError: too few postures, an endcap without a determined gain, or postures that contradict one another.
     """
     freedom = 3 * len(postures) - len(endcaps)
     if len(postures) < 2 or freedom < 1:
@@ -105,15 +105,15 @@ def fit_gains(postures: Sequence[Posture], weight_n: float, endcaps: Sequence[st
 
 @dataclass(frozen=True)
 class _Fit:
-    """Of p postures and k gains.
+    """Fit of k gains to p postures.
 
     Attributes:
-        gain: (k,).
-        normal: (k, k) matrix.
-        pull: (p, 3, k) forces over the residuals' covariance.
-        variance: (p, 3, 3) of the residuals.
-        forces: (p, 3, k).
-        covariance: (p, k, 3, 3) of the forces.
+        gain: (k,) gains.
+        normal: (k, k) normal matrix.
+        pull: (p, 3, k) inverse covariance of the residuals times the forces.
+        variance: (p, 3, 3) covariance of the residuals, N2.
+        forces: (p, 3, k) forces of the endcaps, N.
+        covariance: (p, k, 3, 3) covariance of the forces, N2.
     """
 
     gain: Array
@@ -125,7 +125,7 @@ class _Fit:
 
 
 def _fitted(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> _Fit:
-    """Gains of postures whose loads are (p, 3)."""
+    """Fit of postures with loads (p, 3), N."""
     forces, covariance = np.zeros((len(postures), 3, len(endcaps))), np.zeros((len(postures), len(endcaps), 3, 3))
     for p, posture in enumerate(postures):
         for k, name in enumerate(endcaps):
@@ -145,14 +145,14 @@ def _fitted(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) 
 
 
 def _of_attitude(load_n: Array) -> Array:
-    """(p, 3, 3) covariance that doubt about the verticals leaves in loads (p, 3)."""
+    """(p, 3, 3) covariance of loads (p, 3) by the uncertainty of the verticals, N2."""
     square = (load_n**2).sum(axis=1)[:, None, None]
     return np.asarray(ATTITUDE_RAD**2 * (square * np.eye(3) - np.einsum("pi,pj->pij", load_n, load_n)))
 
 
 def _spread(fit: _Fit, load_n: Array) -> Array:
     """(k,) standard deviations of the gains."""
-    share = np.einsum("jk,pik->pji", np.linalg.pinv(fit.normal), fit.pull)  # (p, k, 3): of a residual in each gain
+    share = np.einsum("jk,pik->pji", np.linalg.pinv(fit.normal), fit.pull)  # (p, k, 3): derivative of each gain
     of_model = np.sqrt(np.einsum("pji,plim,pjm->pjl", share, fit.covariance, share)).sum(axis=0) * np.abs(fit.gain)
     of_attitude = np.einsum("pji,pim,pjm->j", share, _of_attitude(load_n), share)
     whole = (MODEL_SD**2 + WEIGHT_SD**2) * fit.gain**2
@@ -165,15 +165,15 @@ def _chi_square(fit: _Fit, load_n: Array) -> float:
 
 
 def _chi_square_of(postures: Sequence[Posture], load_n: Array, endcaps: Sequence[str]) -> float:
-    """Chi-square that some of the postures leave."""
+    """Chi-square of a fit to some of the postures."""
     return _chi_square(_fitted(postures, load_n, endcaps), load_n)
 
 
 def _require_separated(fit: _Fit, spread: Array, endcaps: Sequence[str]) -> None:
-    """Whether every gain is seen by itself, to a tenth of it: a soft silicone's is small.
+    """Check that every gain is determined separately, to a tenth of it: a soft silicone's is small.
 
     Raises:
-        WeighingError: names those that are not.
+        WeighingError: some are not; the message names them.
     """
     values, vectors = np.linalg.eigh(fit.normal * np.outer(fit.gain, fit.gain))
     blurred = spread > LARGEST_SD * np.abs(fit.gain)

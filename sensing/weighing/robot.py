@@ -1,4 +1,4 @@
-"""A robot's recordings in several postures to a gain for each of its endcaps (``sensing.weigh --postures``).
+"""Fits a gain for each endcap of a robot to its recordings in several postures (``sensing.weigh --postures``).
 
     recording,up_x,up_y,up_z
     stand_1.mcap,0.02,-0.01,0.9998
@@ -29,19 +29,19 @@ from sensing.weighing.session import Ask
 from sensing.weighing.store import gain_entries
 from sensing.wrench.stiffness import weights_digest
 
-COLUMNS = ("recording", "up_x", "up_y", "up_z")
-MOST_ROWS = 100
+COLUMNS = ("recording", "up_x", "up_y", "up_z")  # columns of the table of postures
+MOST_ROWS = 100  # largest number of postures
 
 
 def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: Ask) -> None:
-    """Read all postures, fit, and store a gain for every endcap that carried load.
+    """Read all postures, fit the gains, and store one for every endcap that carried load.
 
     Args:
-        config: of the robot, with its weight.
-        out: endcaps.toml.
-        table: of postures.
-        dry_run: store nothing.
-        say: shows a line.
+        config: configuration of the robot, with its weight.
+        out: path of endcaps.toml.
+        table: path of the table of postures.
+        dry_run: whether nothing is stored.
+        say: function that shows a line.
 
     Raises:
         EndcapError: no weight, a table or recording that cannot be used, postures that are refused.
@@ -77,7 +77,7 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
 
 
 def _forces(config: LiveConfig, recording: Path, models: Models, say: Ask) -> tuple[dict[str, Array], dict[str, Array]]:
-    """(force, covariance) of every endcap that touches at the end of a recording, robot frame."""
+    """(force, N; covariance, N2) of every endcap that touches at the end of a recording, robot frame."""
     force: dict[str, Array] = {}
     covariance: dict[str, Array] = {}
     for endcap in config.endcaps:

@@ -22,20 +22,20 @@ from sensing.weighing.at_rest import Rest, RestWatch
 from sensing.weighing.gain import Pose, WeighingError, fit_gain, pose_gain, require_unit
 from sensing.weighing.words import PoseRequest, parse_weight_g
 
-ZERO_S, REST_S = 20.0, 15.0  # most that is waited for a reference, and for rest
-POLL_S = 0.1
-GRAVITIES_M_S2 = (9.76, 9.84)  # on the Earth's surface
+ZERO_S, REST_S = 20.0, 15.0  # longest waits for a reference, and for rest
+POLL_S = 0.1  # s between looks at the readings
+GRAVITIES_M_S2 = (9.76, 9.84)  # range of gravity on the Earth's surface
 Ask = Callable[[str], str]
 
 
 @dataclass(frozen=True)
 class Terms:
-    """What holds for all poses of a session.
+    """Conditions of all poses of a session.
 
     Attributes:
-        tilt_deg, azimuth_deg: attitude.
-        sd_g: of the scale, 0 for the usual one.
-        gravity_m_s2: local.
+        tilt_deg, azimuth_deg: attitude, degrees.
+        sd_g: standard deviation of the scale, g; 0 for the usual one.
+        gravity_m_s2: local gravity, m/s2.
 
     Raises:
         ParameterError: a gravity that no place on Earth has.
@@ -56,15 +56,15 @@ class Terms:
             )
 
     def request(self, words: str) -> PoseRequest:
-        """The pose and weight that the user typed."""
+        """The pose with the weight that the user typed."""
         return PoseRequest(parse_weight_g(words, self.gravity_m_s2), self.tilt_deg, self.azimuth_deg, self.sd_g)
 
 
 class Listener:
-    """Sink that hands every reading to the watch of the moment.
+    """Output that passes every reading to the current watch.
 
     Args:
-        load_scale: of :class:`RestWatch`.
+        load_scale: scale of the endcap's forces (:class:`RestWatch`).
     """
 
     def __init__(self, load_scale: float) -> None:
@@ -73,36 +73,36 @@ class Listener:
         self._lock = threading.Lock()
 
     def put(self, reading: EndcapReading) -> None:
-        """One reading, from the loop's thread."""
+        """Take a reading, in the loop's thread."""
         with self._lock:
             self._watch.add(reading)
 
     def anew(self) -> None:
-        """Forget all readings."""
+        """Drop all readings."""
         with self._lock:
             self._watch = RestWatch(self._load_scale)
 
     def ask(self, what: Callable[[RestWatch], Rest]) -> Rest:
-        """Ask the watch."""
+        """Result of a question to the watch."""
         with self._lock:
             return what(self._watch)
 
     def newest(self) -> tuple[float, float]:
-        """See :meth:`RestWatch.newest`."""
+        """(newest force, its change), N, as in :meth:`RestWatch.newest`."""
         with self._lock:
             return self._watch.newest()
 
 
 def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pose]:
-    """Guide through any number of poses; a refused one can be repeated.
+    """Guide the user through any number of poses; a refused one can be repeated.
 
     Args:
-        endcap: not yet started, without a gain.
-        terms: attitude and scale.
-        ask, say: the user.
+        endcap: endcap that is not yet started, without a gain.
+        terms: conditions of the session.
+        ask, say: functions that ask for a line, and show one.
 
     Raises:
-        EndcapError: no reference, or a load while it should be untouched.
+        EndcapError: no reference, or a load while the endcap should be untouched.
     """
     listener, poses = Listener(endcap.pipeline.model.load_scale), list[Pose]()
     ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
@@ -138,7 +138,7 @@ def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
     Args:
         request: weight and attitude.
         rest: the interval at rest under it.
-        gravity_m_s2: at this place.
+        gravity_m_s2: local gravity, m/s2.
 
     Raises:
         WeighingError: a model that gives no covariance.

@@ -1,4 +1,4 @@
-"""Gains as entries of endcaps.toml, and contact thresholds with them: those were measured in N of the old gain."""
+"""Gains as entries of endcaps.toml; contact thresholds change with them, since they were measured with the old gain."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from sensing.live.core.config import EndcapConfig
 
 
 def gain_entries(endcap: EndcapConfig, gain: float, sd: float, digest: str) -> dict[str, Any]:
-    """Entries of an endcap that a weighing changes.
+    """Entries of an endcap that change with a weighing.
 
     Args:
         endcap: as it is in the file.
-        gain, sd: dimensionless.
-        digest: of the model's weights.
+        gain, sd: gain and its standard deviation, dimensionless.
+        digest: digest of the model's weights.
     """
     date = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     entries: dict[str, Any] = {"gain": float(f"{gain:.5g}"), "gain_sd": float(f"{sd:.3g}")}

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from cad.plain_numbers import is_plain
 
+# Grams in a unit of mass.
 GRAMS = {
     "g": 1.0,
     "gram": 1.0,
@@ -21,12 +22,13 @@ GRAMS = {
     "lbs": 453.59237,
     "oz": 28.349523,
 }
-NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "lbf": 4.4482216}  # forces: the same wherever they are measured
-LEAST_G, MOST_G = 20.0, 6000.0  # a kitchen scale's; 60 N
-MOST_TILT_DEG = 60.0
+NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "lbf": 4.4482216}  # independent of local gravity
+LEAST_G, MOST_G = 20.0, 6000.0  # range of a kitchen scale; 60 N
+MOST_TILT_DEG = 60.0  # largest tilt of a pose
 SCALE_SD_G, SCALE_SD_PART = 2.0, 0.005  # E: a kitchen scale of 1 g steps, and local gravity
-GRAVITY_M_S2 = 9.80665
-_WEIGHT = re.compile(r"\s*([0-9.]+)\s*([A-Za-z]*)\s*")
+GRAVITY_M_S2 = 9.80665  # standard gravity, ISO 80000-3
+_WEIGHT = re.compile(r"\s*([0-9.]+)\s*([A-Za-z]*)\s*")  # a number and its unit
+# Form of a pose, for messages.
 FORM = "give tilt=DEG,grams=NUMBER and, where needed, azimuth=DEG, sd=GRAMS, source=FILE"
 
 
@@ -35,9 +37,9 @@ class PoseRequest:
     """A weight on the endcap at an attitude.
 
     Attributes:
-        weight_g, sd_g: what presses, everything included, and its standard deviation.
-        tilt_deg: between the vertical and the endcap's axis.
-        azimuth_deg: of the vertical in the endcap frame, from x to y: upward where the dome is up, downward where it is
+        weight_g, sd_g: mass of everything that presses, and its standard deviation, g.
+        tilt_deg: angle between the vertical and the endcap's axis, degrees.
+        azimuth_deg: azimuth of the vertical, endcap frame, from x to y: upward if the dome is up, downward if it is
             pressed onto a scale; opposite to the weight's (fx, fy).
         source: video, folder of pictures or recording; empty for the endcap's own.
     """
@@ -62,18 +64,18 @@ class PoseRequest:
 
     @property
     def name(self) -> str:
-        """As shown: ``500 g``, ``500 g at 20 degrees``."""
+        """Name of the pose: ``500 g``, ``500 g at 20 degrees``."""
         tilt = f" at {self.tilt_deg:g} degrees" if self.tilt_deg else ""
         return f"{self.weight_g:g} g{tilt}"
 
     def load_n(self, gravity_m_s2: float = GRAVITY_M_S2) -> NDArray[np.float64]:
-        """(3,) force on the endcap: along the vertical, into the dome."""
+        """(3,) force on the endcap, N: along the vertical, into the dome."""
         tilt, azimuth = math.radians(self.tilt_deg), math.radians(self.azimuth_deg)
         out = [math.sin(tilt) * math.cos(azimuth), math.sin(tilt) * math.sin(azimuth), math.cos(tilt)]
         return -self.weight_g / 1000 * gravity_m_s2 * np.array(out)
 
     def load_sd_n(self, gravity_m_s2: float = GRAVITY_M_S2) -> float:
-        """Standard deviation of the load's size."""
+        """Standard deviation of the load's norm, N."""
         grams = self.sd_g or math.hypot(SCALE_SD_G, SCALE_SD_PART * self.weight_g)
         return grams / 1000 * gravity_m_s2
 
@@ -82,8 +84,8 @@ def parse_weight_g(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> float:
     """A weight in g: a plain number is in g, others carry their unit (g, kg, lb, N).
 
     Args:
-        text: as typed.
-        gravity_m_s2: local; a force in N is that of so many g there.
+        text: text that the user typed.
+        gravity_m_s2: local gravity, m/s2, by which a force in N is converted to g.
 
     Raises:
         ParameterError: no number, or an unknown unit.
@@ -100,11 +102,11 @@ def parse_weight_g(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> float:
 
 
 def parse_pose(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> PoseRequest:
-    """``tilt=0,grams=1000,azimuth=0,sd=5,source=FILE``; a comma within the file's name is no problem at the end.
+    """Pose of ``tilt=0,grams=1000,azimuth=0,sd=5,source=FILE``; a file's name at the end may contain commas.
 
     Args:
-        text: as typed.
-        gravity_m_s2: local.
+        text: text that the user typed.
+        gravity_m_s2: local gravity, m/s2.
 
     Raises:
         ParameterError: another form, a key twice or unknown, a value out of range.

@@ -1,4 +1,4 @@
-"""The simulated robot as a source: what its sensors report, in the order of arrival, at the run's pace.
+"""The simulated robot as a source: samples of its sensors in the order of arrival, at the run's pace.
 
     source = SimulatedRobot(load_robot(), Terrain.FLAT, seed=1, seconds=40.0)
 
@@ -23,22 +23,22 @@ from sensing.simulator.walk.truth import Walk, load_walk, save_walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
-LONGEST_S = 600.0
-SHORTEST_S = 3.0
-MOST_SPEED = 1000.0
-TERRAINS = tuple(terrain.value for terrain in Terrain)
+LONGEST_S = 600.0  # longest run
+SHORTEST_S = 3.0  # shortest run
+MOST_SPEED = 1000.0  # largest factor on the pace of a run
+TERRAINS = tuple(terrain.value for terrain in Terrain)  # names of the terrains
 
 
 class SimulatedRobot:
     """A run of the simulated robot.
 
     Args:
-        robot: what walks.
-        terrain: on what, one of :data:`TERRAINS`.
-        seed: of all that is random.
-        seconds: length of the run.
-        speed: 1 is its own pace, 0 as fast as possible.
-        say: is called with the simulated time while it is simulated.
+        robot: robot that rolls.
+        terrain: name of the terrain, one of :data:`TERRAINS`.
+        seed: seed of all random numbers.
+        seconds: duration of the run, s.
+        speed: factor on its pace; 0 is as fast as possible.
+        say: called with the simulated time, s, during the simulation.
 
     Raises:
         ParameterError: an unknown terrain, a negative seed, seconds outside 3..600, or a speed outside 0..1000.
@@ -102,11 +102,11 @@ def _walk(
         try:
             return load_walk(path)
         except FileError:
-            path.unlink()  # half a file is no run
+            path.unlink()  # a damaged file is simulated again
     walk = simulate_walk(robot, terrain, seed=seed, duration_s=seconds, progress=say)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         save_walk(walk, path)
     except (OSError, FileError):
-        pass  # a cache that cannot be written costs time, nothing else
+        pass  # without a cache only time is lost
     return walk

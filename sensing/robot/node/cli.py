@@ -46,8 +46,8 @@ EPILOG = """\
 exit status: 0 ended or stopped; 1 a recording or --json is not whole, or a replay differs (one line on stderr); 2 bad
 input (one line on stderr); 130 or 143 stopped before it began
 """
-MOST_SD_N = 100.0  # more is a typing error
-SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")
+MOST_SD_N = 100.0  # N, more is a typing error
+SIMULATED_ONLY = ("terrain", "seed", "seconds", "speed")  # options that only a simulated robot has
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,18 +60,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"sensing.robot: {error}")
         return 2
-    except KeyboardInterrupt:  # before it runs
+    except KeyboardInterrupt:  # before the run starts
         return 130
 
 
 class JsonOutput:
-    """One line of JSON a report, on standard output.
+    """Writes each report as one line of JSON to standard output.
 
     Args:
-        lines: where.
-        robot: of the reports.
-        stopped: whether somebody has asked for the end.
-        lost: takes a line when the first estimate is left out for a slow reader; without it, all wait for the reader.
+        lines: standard output.
+        robot: robot of the reports.
+        stopped: whether the end of the run was requested.
+        lost: takes a line when the first estimate is left out for a slow reader; without it the run waits.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class JsonOutput:
         self._said = False
 
     def sample(self, sample: Sample) -> None:
-        """Nothing."""
+        """Do nothing: samples are not written."""
 
     def report(self, report: Report) -> None:
-        """A line; waits for a slow reader if all wait, but not beyond the end of the run."""
+        """Write a line; without ``lost``, wait for a slow reader, but not beyond the end of the run."""
         text = report_text(report, self._robot) + "\n"
         while not self._lines.write(text) and not self._lines.failed and not self._stopped():
             if self._lost is not None:
@@ -104,7 +104,7 @@ def _run(options: argparse.Namespace) -> int:
 
     file, live = options.config or SHIPPED, options.live or options.endcaps is not None
     robot, description = load_robot(file), file.read_bytes()
-    if options.record is not None:  # before minutes are simulated
+    if options.record is not None:  # before the simulation runs for minutes
         require_new(options.record)
     source = _source(options, robot)
     wall_ns, silent_s = (None, SILENT_S) if live else (time.time_ns(), math.inf)  # a simulated clock begins at 0
@@ -117,10 +117,10 @@ def _run(options: argparse.Namespace) -> int:
     losses = _Losses()
     shown: list[RobotPage | RobotTopics] = []
     try:
-        if options.json:  # a robot does not wait, nor may its recording
+        if options.json:  # neither a robot nor its recording waits
             outputs.append(JsonOutput(out, robot, stop.asked.is_set, losses.add if live else None))
         shown = _shown(options, robot, wall_ns)
-        if options.record is not None:  # after all others: where one of them cannot begin, no file is left
+        if options.record is not None:  # last, so that no file is left if another output cannot begin
             from sensing.robot.node.recorder import RobotRecorder
 
             recorder = RobotRecorder(options.record, robot, description, wall_ns, losses.add)
@@ -148,24 +148,24 @@ def _close(shown: Sequence[RobotPage | RobotTopics], recorder: RobotRecorder | N
 
 
 class _Losses:
-    """Outputs that stopped: one line for each, printed at once."""
+    """Lines of outputs that stopped; each is printed at once."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
 
     def add(self, line: str) -> None:
-        """One more."""
+        """Add a line and print it."""
         self.lines.append(line)
         LOG.error(printable(f"sensing.robot: {line}"))
 
     def of(self, out: Lines) -> None:
-        """One more where standard output could not be written, unless its reader has left."""
+        """Add a line if standard output could not be written, unless its reader has left."""
         if out.failed and not out.gone:
             self.add(f"standard output: {out.failed}")
 
 
 def _source(options: argparse.Namespace, robot: TensegrityRobot) -> RobotSource:
-    """Where samples come from; the code that estimates from them is loaded before anything waits for it."""
+    """The source of samples; the estimator's code is loaded before the source starts."""
     from sensing.robot.node.warm_up import warm_up
 
     source = _live(options, robot) if options.live or options.endcaps is not None else _simulated(options, robot)
@@ -208,7 +208,7 @@ def _wrench_sd(options: argparse.Namespace) -> tuple[float, float] | None:
 
 
 def _shown(options: argparse.Namespace, robot: TensegrityRobot, wall_ns: int | None) -> list[RobotPage | RobotTopics]:
-    """Page and topics that the options name; the page is not started yet."""
+    """Page and topics of the options; the page is not started yet."""
     from sensing.robot.node.page import RobotPage
     from sensing.robot.node.ros_topics import RobotTopics
 

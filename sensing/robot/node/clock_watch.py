@@ -1,10 +1,10 @@
-"""Whether the stamps of a topic can be of this computer's clock: those of another make samples count as late, or lost.
+"""Checks whether the stamps of a topic are of this computer's clock; with another clock samples count as late or lost.
 
-Nothing arrives before it was measured, and waiting on the way only adds to its age: so the youngest sample of the first
-second says by how much the clocks differ, to within the time on the way.
+No sample arrives before it was measured, and delays only add to its age. So the youngest sample of the first
+second gives the difference of the clocks, up to the least delay.
 
 A stamp far ahead would make the samples of all other topics too late until its time has come, so it is left out at any
-time; and so is one that is far behind.
+time; so is one that is far behind.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-LOOK_S = 1.0
-AHEAD_S = 0.05  # E: clocks set by NTP agree to some milliseconds; a gyroscope counts as silent after as much
-BEHIND_S = 0.5  # E: more than any sensor and network that a robot can walk with take
-MOST_AHEAD_S = 0.5  # half of what the estimator takes back (RobotSettings.history_s)
+LOOK_S = 1.0  # s, time in which the youngest sample is looked for
+AHEAD_S = 0.05  # E: clocks set by NTP agree to some milliseconds; a gyroscope counts as silent after this time
+BEHIND_S = 0.5  # E: more than the delay of any sensor and network with which a robot can walk
+MOST_AHEAD_S = 0.5  # half of the history that the estimator keeps (RobotSettings.history_s)
 MOST_BEHIND_S = 30.0  # a driver or computer whose clock was never set
-REMEDY = "set all clocks by NTP or PTP"
+REMEDY = "set all clocks by NTP or PTP"  # advice at the end of each message
 
 
 class ClockWatch:
-    """Names every topic whose clock differs, once, and the first of its samples that cannot be used.
+    """Reports every topic with another clock once, when its first unusable sample arrives.
 
     Args:
-        say: takes the line.
+        say: function that takes the line.
     """
 
     def __init__(self, say: Callable[[str], object]) -> None:
@@ -34,14 +34,14 @@ class ClockWatch:
         self._left_out: set[str] = set()
 
     def take(self, topic: str, stamp_s: float, now_s: float) -> bool:
-        """Whether one sample can be used.
+        """Whether a sample can be used.
 
         Args:
-            topic: it came on.
-            stamp_s: its capture time.
-            now_s: its arrival, on the same clock.
+            topic: topic of the sample.
+            stamp_s: its capture time, s.
+            now_s: its arrival, s, on the same clock.
         """
-        if not math.isfinite(stamp_s):  # the estimator counts it
+        if not math.isfinite(stamp_s):  # the estimator counts such samples
             return True
         if not -MOST_AHEAD_S <= now_s - stamp_s <= MOST_BEHIND_S:
             self._leave_out(topic, now_s - stamp_s)

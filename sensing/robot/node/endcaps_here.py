@@ -1,4 +1,4 @@
-"""The endcaps whose cameras are plugged in here, through the live pipeline: their readings as samples, their states."""
+"""The endcaps whose cameras are connected to this computer: their readings as samples, and their states."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from sensing.robot.readings import foot_sample
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import FootSample
 
-ROOM = 256  # readings that may wait
-FIRST_S = 30.0  # for the first wrench of every endcap: references are taken
-NEWS_S = 1.0
-CLOSE_S = 1.0
+ROOM = 256  # number of readings that may wait
+FIRST_S = 30.0  # s, time for the first wrench of every endcap, in which references are taken
+NEWS_S = 1.0  # s, interval of the lines about states
+CLOSE_S = 1.0  # s, time in which the live loop has to stop
 
 
 class EndcapsHere:
     """Readings of this computer's endcaps.
 
     Args:
-        path: endcaps.toml.
-        robot: whose endcaps they are.
+        path: path of endcaps.toml.
+        robot: robot of the endcaps.
 
     Raises:
         ParameterError: an endcap of the file that the robot does not have, or has in another size.
-        EndcapError: what cannot be opened.
+        EndcapError: a camera or file that cannot be opened.
     """
 
     def __init__(self, path: Path, robot: TensegrityRobot) -> None:
@@ -60,18 +60,18 @@ class EndcapsHere:
         self._engine.close(CLOSE_S)
 
     def put(self, reading: EndcapReading) -> None:
-        """A reading; where nobody takes them in time the oldest are left out."""
+        """Take a reading; if nobody reads them in time, the oldest are dropped."""
         if self._missing and np.isfinite(reading.wrench.force_n).all():
             self._missing.discard(reading.endcap)
         self._readings.append(reading)
 
     def samples(self) -> Iterator[FootSample]:
-        """Those that wait."""
+        """The readings that wait, as samples."""
         while self._readings:
             yield foot_sample(self._readings.popleft())
 
     def ready(self) -> bool:
-        """Whether every endcap has given a wrench: without any contact the estimate would run away from its start."""
+        """Whether every endcap has given a wrench: without any contact the estimate would drift from its start."""
         now = time.monotonic()
         if now >= self._news_s:
             self._news_s = now + NEWS_S
@@ -82,7 +82,7 @@ class EndcapsHere:
         return not self._missing
 
     def _say_states(self) -> None:
-        """A line for every endcap whose state is another one, and for what ended the taking of readings."""
+        """Print a line for every endcap whose state has changed, and for an error that ended the readings."""
         for failure in self._engine.failures[self._failures_said :]:
             LOG.error(printable(f"no more readings: {failure}"))
             self._failures_said += 1
@@ -94,7 +94,7 @@ class EndcapsHere:
 
 
 def _require_endcaps_of(robot: TensegrityRobot, config: LiveConfig, path: Path) -> None:
-    """Refuse endcaps that are not the robot's: their normals and contact points would be wrong, and look right."""
+    """Refuse endcaps that the robot does not have: normals and contact points would be wrong without a sign of it."""
     known = {endcap.name: endcap for endcap in robot.endcaps}
     unknown = sorted({endcap.name for endcap in config.endcaps} - set(known))
     if unknown:

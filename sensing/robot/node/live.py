@@ -6,9 +6,9 @@
     /NAME/wrench                    geometry_msgs/WrenchStamped any other sensor's: on the endcap, in its frame
 
 A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
-:mod:`sensing.robot.contact`, and the force says whether it touches. It counts only while none with covariance comes.
-Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic clock, on which
-pictures are captured. A topic whose stamps are of another clock is named; stamps far from now are left out. Topics are
+:mod:`sensing.robot.contact`, and the force determines the contact. Plain wrenches are used only while none with
+covariance comes. Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic
+clock, which also times pictures. A topic with another clock is reported; stamps far from now are left out. Topics are
 volatile, and reliable unless a publisher offers best effort alone, as drivers of inertial sensors do.
 """
 
@@ -38,20 +38,20 @@ from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample,
 if TYPE_CHECKING:
     from sensing.robot.node.endcaps_here import EndcapsHere
 
-WAITING = 2000  # messages of a topic that wait while this process is held up: seconds, at any usual rate
-IDLE_S = 0.002
-PATIENCE_S = 3.0  # after it topics that have brought nothing are named, once
-SLOW_S = 1.0  # for samples that waited together, from which lateness is named
-OFFERS_S = 0.5  # between looks at what publishers offer
+WAITING = 2000  # messages of a topic that wait while this process is held up: seconds at any usual rate
+IDLE_S = 0.002  # s, pause between looks for messages
+PATIENCE_S = 3.0  # s, after which topics without any message are reported, once
+SLOW_S = 1.0  # s, processing time of samples that waited together, from which lateness is reported
+OFFERS_S = 0.5  # s, interval at which the publishers' offers are read
 
 
 class LiveRobot:
-    """Samples as they come, until the run is stopped.
+    """Samples as they arrive, until the run is stopped.
 
     Args:
-        robot: whose sensors.
-        endcaps: endcaps.toml of the cameras here; None where topics bring the wrenches.
-        domain: None for ``ROS_DOMAIN_ID`` or 0.
+        robot: robot with its sensors.
+        endcaps: endcaps.toml of this computer's cameras; None where topics bring the wrenches.
+        domain: number of the DDS domain; None for ``ROS_DOMAIN_ID`` or 0.
         wrench_sd: standard deviations (N, N m) of wrenches that come without covariance.
 
     Raises:
@@ -97,7 +97,7 @@ class LiveRobot:
                     self._name_silent()
                 ready = self._here is None or self._here.ready()
                 waiting = self._waiting()
-                if not ready:  # what came before the endcaps here is dropped
+                if not ready:  # samples before the first wrenches are dropped
                     waiting = []
                 at_s = time.monotonic()
                 for sample in waiting:
@@ -115,7 +115,7 @@ class LiveRobot:
         return None
 
     def _take_best_effort(self) -> None:
-        """Request best effort where a publisher offers no more: DDS connects no reliable reader to it."""
+        """Request best effort where a publisher offers no more, since DDS connects no reliable reader to it."""
         for place, (topic, kind, name, reader) in enumerate(self._readers):
             if reader.get_requested_incompatible_qos_status().total_count:
                 self._readers[place] = topic, kind, name, self._reader(topic, kind, reliable=False)
@@ -128,25 +128,25 @@ class LiveRobot:
         return DataReader(self._participant, of_topic, qos=dds.quality(kept=WAITING, reliable=reliable))
 
     def _name_silent(self) -> None:
-        """A line with the topics that have brought nothing; one of an endcap's two is enough."""
+        """Print a line with the topics without any message; one of an endcap's two topics suffices."""
         plain = [topic.removesuffix("/with_covariance") for topic in self._silent]
         silent = [topic for topic in dict.fromkeys(plain) if "/wrench" not in topic or plain.count(topic) > 1]
         if silent:
             LOG.warning(f"nothing for {PATIENCE_S:g} s on {', '.join(f'/{topic}' for topic in silent)}: waiting")
 
     def _name_slowness(self, took_s: float) -> None:
-        """A line, once, where what waited took so long that estimates are old."""
+        """Print a line, once, if waiting samples took so long that estimates are old."""
         if took_s > SLOW_S and not self._slow:
             self._slow = True
             LOG.warning(f"estimates come {took_s:.1f} s late: this computer has too little time for them")
 
     def _waiting(self) -> list[Sample]:
-        """Samples since the last call, by time: taken topic by topic, the newest of one would make others late."""
+        """Samples since the last call, sorted by time: in topic order, the newest of one would make others late."""
         self._follow_clock()
         waiting: list[Sample] = [] if self._here is None else list(self._here.samples())
         for topic, kind, name, reader in self._readers:
             for message in reader.take(WAITING):
-                if getattr(message, "header", None) is None:  # a publisher has gone
+                if getattr(message, "header", None) is None:  # the notice that a publisher has left
                     continue
                 if topic in self._silent:
                     self._silent.remove(topic)
@@ -156,7 +156,7 @@ class LiveRobot:
         return sorted(waiting, key=lambda sample: sample.time_s if math.isfinite(sample.time_s) else math.inf)
 
     def _follow_clock(self) -> None:
-        """Stamps of a wall clock that was set meanwhile (by NTP, after a start without network) are read with it."""
+        """Follow changes of the wall clock (by NTP, after a start without network) in the conversion of stamps."""
         moved_s = self._clock.follow()
         if moved_s:
             LOG.warning(f"this computer's clock was set by {moved_s:+.2f} s: stamps are read by the new time")
@@ -164,15 +164,15 @@ class LiveRobot:
     def _sample(self, kind: str, name: str, message: Any) -> Sample | None:
         """The sample of a message; None for a plain wrench beside one with covariance.
 
-        The topic says whose it is: ``frame_id`` is what the sensor's driver calls its axes.
+        The topic determines the sensor: ``frame_id`` is the driver's name of its axes.
 
         Args:
             kind: type of the message.
-            name: of the sensor or endcap, as the topic has it.
-            message: taken from it.
+            name: name of the sensor or endcap, from the topic.
+            message: message of the topic.
         """
         sample = messages.sample_from(kind, message, self._clock.offset_ns)
-        if isinstance(sample, LengthSample) and message.name:  # in the order of the description, whatever theirs is
+        if isinstance(sample, LengthSample) and message.name:  # sorted into the order of the description
             by_name = dict(zip(message.name, message.position, strict=False))
             return replace(sample, lengths_m=np.array([by_name.get(cable, np.nan) for cable in self._cables], float))
         if isinstance(sample, InertialSample):
@@ -191,12 +191,12 @@ class LiveRobot:
 def _paced(taken_s: float, later_s: float) -> float:
     """Time of arrival of a sample that waited beside others, s.
 
-    Where they take longer than the time that they are of, that time counts: reports, which cost more than samples,
-    would come ever closer otherwise.
+    If processing takes longer than the time that the samples span, that time counts instead; otherwise reports, which
+    cost more than samples, would come at ever shorter intervals.
 
     Args:
-        taken_s: when all were taken.
-        later_s: capture time after that of the first; NaN without.
+        taken_s: time at which all were taken, s.
+        later_s: difference of its capture time to that of the first, s; NaN without.
     """
     return min(time.monotonic(), taken_s + later_s) if later_s > 0 else taken_s
 

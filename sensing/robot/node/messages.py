@@ -1,7 +1,7 @@
-"""Samples and estimates as ROS 2 messages, and samples back from them (m, s, N, rad, as ROS has them).
+"""Samples and estimates as ROS 2 messages, and samples from messages (m, s, N, rad, as in ROS).
 
-Stamps are wall time; ``wall_ns`` is what is added to the samples' clock. A stamp holds whole nanoseconds, as the times
-of samples do, and numbers are doubles: a sample comes back to the bit.
+Stamps are wall time; ``wall_ns`` is added to the samples' clock. A stamp holds whole nanoseconds, as the times
+of samples do, and numbers are doubles: a sample is restored to the bit.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from sensing.tensegrity.description import Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 from sensing.tensegrity.vectors import minus_cross
 
-IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
-ODOMETRY, POSES = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseArray"
-WORLD = "world"
-TO_MM = np.where(np.arange(16).reshape(4, 4) % 4 == 3, 1000.0, 1.0)
+IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"  # ROS types of samples
+ODOMETRY, POSES = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseArray"  # ROS types of estimates
+WORLD = "world"  # ``frame_id`` of the world
+TO_MM = np.where(np.arange(16).reshape(4, 4) % 4 == 3, 1000.0, 1.0)  # on a pose: translations from m to mm
 TO_MM[3] = 1.0
-NOT_MEASURED = -1.0  # first number of the covariance, as sensor_msgs/Imu has it for what is not measured
+NOT_MEASURED = -1.0  # first number of the covariance in sensor_msgs/Imu for a quantity that is not measured
 
 
 def sample_message(sample: Sample, cables: tuple[str, ...], wall_ns: int) -> tuple[str, bytes]:
     """(type, bytes) of a sample.
 
     Args:
-        sample: any.
-        cables: names of the measured ones, in order.
-        wall_ns: added to its time.
+        sample: sample of any kind.
+        cables: names of the measured cables, in order.
+        wall_ns: offset that is added to its time, ns.
     """
     types = ros.typestore().types
     stamp = wall_ns + (whole_ns(sample.time_s) if math.isfinite(sample.time_s) else 0)
@@ -75,9 +75,9 @@ def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
     """The sample of a message in CDR.
 
     Args:
-        kind: its type.
-        data: CDR.
-        wall_ns: subtracted from its stamp.
+        kind: type of the message.
+        data: CDR bytes.
+        wall_ns: offset that is subtracted from its stamp, ns.
 
     Raises:
         ValueError: bytes that are no such message.
@@ -86,19 +86,19 @@ def sample_of(kind: str, data: bytes, wall_ns: int) -> Sample:
 
 
 def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
-    """The same of a decoded message, also of one that a DDS reader has taken.
+    """The sample of a decoded message, also of one that a DDS reader has taken.
 
     Args:
-        kind: its type.
-        message: any with the fields of that type.
-        wall_ns: subtracted from its stamp.
+        kind: type of the message.
+        message: any object with the fields of that type.
+        wall_ns: offset that is subtracted from its stamp, ns.
     """
     stamp = message.header.stamp
     time_s = (stamp.sec * NS + stamp.nanosec - wall_ns) / NS
     if kind == IMU:
         without = message.linear_acceleration_covariance[0] == NOT_MEASURED
         force = None if without else _three(message.linear_acceleration)
-        turns = message.angular_velocity_covariance[0] != NOT_MEASURED  # its zeros would say that the bar stands
+        turns = message.angular_velocity_covariance[0] != NOT_MEASURED  # its zeros would mean a bar at rest
         rate = _three(message.angular_velocity) if turns else np.full(3, np.nan)
         return InertialSample(time_s, message.header.frame_id, rate, force)
     if kind == JOINTS:
@@ -113,16 +113,16 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
 
 
 def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
-    """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message has it.
+    """nav_msgs/Odometry of a bar: pose in the world, twist in the bar's axes, as the message defines them.
 
-    Covariances of velocity and angular velocity stand in the twist; what these share is left zero.
+    The twist holds the covariances of velocity and angular velocity; their cross covariance is left zero.
 
     Args:
-        bar: the estimate.
-        stamp_ns: wall time.
+        bar: estimate of the bar.
+        stamp_ns: wall time, ns.
     """
     types, R = ros.typestore().types, bar.T_world_bar[:3, :3]
-    slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # turned with the bar, a velocity errs with it
+    slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # a rotation error changes these axes
     twist_covariance = np.zeros((6, 6))
     twist_covariance[:3, :3] = slopes @ bar.covariance[3:, 3:] @ slopes.T
     twist_covariance[3:, 3:] = R.T @ bar.rate_covariance @ R
@@ -152,13 +152,13 @@ def endcap_poses(estimate: RobotEstimate, stamp_ns: int) -> bytes:
 
 
 def pose_array(poses: Array, stamp_ns: int) -> bytes:
-    """geometry_msgs/PoseArray of (N, 4, 4) m."""
+    """geometry_msgs/PoseArray of (N, 4, 4) poses, m."""
     message = ros.typestore().types[POSES](header=ros.header(stamp_ns, WORLD), poses=[_pose(pose) for pose in poses])
     return ros.encode(POSES, message)
 
 
 def bar_transforms(estimate: RobotEstimate, stamp_ns: int) -> bytes:
-    """tf2_msgs/TFMessage: world to every bar."""
+    """tf2_msgs/TFMessage with the transform from world to every bar."""
     children = {f"bar_{bar.name}": (WORLD, bar.T_world_bar * TO_MM) for bar in estimate.bars}
     return transforms(children, stamp_ns)
 

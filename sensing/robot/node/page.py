@@ -1,6 +1,6 @@
-"""The page of a run: the robot in space, a table of its endcaps, its distance from the truth. On loopback alone.
+"""The page of a run: the robot in space, a table of its endcaps, its distance from the truth. On loopback only.
 
-It only shows. A thread of the run serves it, with the headers and refusals of the live page.
+It has no controls. A thread of the run serves it, with the headers and refusals of the live page.
 """
 
 from __future__ import annotations
@@ -26,26 +26,27 @@ from sensing.robot.node.record import Report, estimate_record
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
+# Static files: path of the request -> (file, media type).
 STATIC = {
     "/": ("index.html", "text/html"),
     "/robot.css": ("robot.css", "text/css"),
     "/robot.js": ("robot.js", "text/javascript"),
 }
-STEP_S = 0.2  # between points of the path and of the plot
-MOST_POINTS = 3000  # ten minutes
-SIGMAS = 2.0
-CORNERS = 32  # of the ellipse
+STEP_S = 0.2  # s, interval of the points of path and plot
+MOST_POINTS = 3000  # ten minutes of them
+SIGMAS = 2.0  # standard deviations of the ellipse
+CORNERS = 32  # number of corners of the ellipse
 
 
 class RobotPage:
     """Shows the newest report.
 
     Args:
-        robot: of the reports.
-        port: None for 8008 or, where that is taken, any free one.
+        robot: robot of the reports.
+        port: TCP port; None for 8008 or, where that is taken, any free one.
 
     Attributes:
-        url: to open in a browser.
+        url: address for a browser.
 
     Raises:
         ParameterError: the port is taken.
@@ -68,7 +69,7 @@ class RobotPage:
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start to serve."""
         self._thread.start()
 
     def close(self, wait_s: float = 2.0) -> None:
@@ -79,10 +80,10 @@ class RobotPage:
         self._socket.close()
 
     def sample(self, sample: Sample) -> None:
-        """Nothing."""
+        """Do nothing: the page shows estimates only."""
 
     def report(self, report: Report) -> None:
-        """Take the newest estimate; the path that is drawn is kept here."""
+        """Take the newest estimate, and extend the path that is drawn."""
         self._report, estimate = report, report.estimate
         if estimate.time_s < self._next_s:
             return
@@ -114,7 +115,7 @@ class RobotPage:
         }
 
     def about(self) -> dict[str, Any]:
-        """What does not change."""
+        """Constant content of the page."""
         robot = self._robot
         return {
             "bars": [{"name": bar.name, "length_m": bar.length_m} for bar in robot.bars],
@@ -155,7 +156,7 @@ class RobotPage:
 
 
 def ellipse(centre: Array, covariance: Array) -> Array:
-    """(32, 2) corners of the ellipse of two standard deviations."""
+    """(32, 2) corners of the ellipse of two standard deviations about a centre, m."""
     angle = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     width, axes = np.linalg.eigh(covariance)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)

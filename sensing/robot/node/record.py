@@ -1,4 +1,4 @@
-"""An estimate as plain words and numbers, for lines of JSON, comparisons with recordings, and the page."""
+"""An estimate as text and numbers, for lines of JSON, comparisons with recordings, and the page."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Report:
     """One estimate of a run.
 
     Attributes:
-        estimate: of the robot.
-        truth: (B, 4, 4) m where the bars truly are, in the estimate's world; None where nobody knows.
-        path_m: way of the centre of mass so far, along the ground.
+        estimate: estimate of the robot.
+        truth: (B, 4, 4) m, true poses of the bars in the estimate's world; None where they are unknown.
+        path_m: length of the path of the centre of mass so far, along the ground, m.
     """
 
     estimate: RobotEstimate
@@ -27,7 +27,7 @@ class Report:
     path_m: float
 
     def true_centre_m(self, robot: TensegrityRobot) -> Array | None:
-        """(3,) centre of mass as it truly is."""
+        """(3,) true centre of mass, m."""
         if self.truth is None:
             return None
         total = np.zeros(3)
@@ -36,13 +36,13 @@ class Report:
         return total / robot.mass_kg
 
     def drift_m(self, robot: TensegrityRobot) -> float | None:
-        """Distance of estimated and true centre of mass."""
+        """Distance of estimated and true centre of mass, m."""
         true = self.true_centre_m(robot)
         return None if true is None else float(np.linalg.norm(self.estimate.centre_of_mass_m - true))
 
 
 def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
-    """The whole estimate; arrays as lists, NaN as None (m, s, N, rad)."""
+    """The whole estimate as plain data; arrays as lists, NaN as None (m, s, N, rad)."""
     return {
         "time_s": estimate.time_s,
         "measured_s": estimate.measured_s,
@@ -83,12 +83,12 @@ def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
 
 
 def estimate_text(estimate: RobotEstimate) -> str:
-    """The same as one line of JSON, from which every number comes back to the bit."""
+    """The estimate as one line of JSON, from which every number is restored to the bit."""
     return json.dumps(estimate_record(estimate), allow_nan=False, separators=(",", ":"))
 
 
 def report_text(report: Report, robot: TensegrityRobot) -> str:
-    """A line for programs: the estimate with the way so far, and the truth where it is known."""
+    """A line for programs: the estimate with the length of the path, and the truth where it is known."""
     true = report.true_centre_m(robot)
     more = {
         "path_m": report.path_m,
@@ -99,7 +99,7 @@ def report_text(report: Report, robot: TensegrityRobot) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Lists and floats; None for a number that is not finite."""
+    """Lists and floats of a value; None for a number that is not finite."""
     values = np.asarray(value, float)
     if values.ndim:
         return [_plain(each) for each in values]

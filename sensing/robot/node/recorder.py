@@ -1,7 +1,7 @@
 """Records a run as MCAP: every sample as it came, every estimate, and the robot's description.
 
-Samples and estimates lie in the file in the order in which they were taken and made: ``--replay`` computes the
-estimates again from the samples and compares them to the bit. Foxglove and ``ros2 bag`` open it.
+The file holds samples and estimates in the order in which they were taken and made, so that ``--replay`` can compute
+the estimates again from the samples and compare them to the bit. Foxglove and ``ros2 bag`` open it.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from sensing.robot.node.run import whole_ns
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
 
-METADATA, FORMAT, DESCRIPTION = "endcap_robot", "1", "robot.toml"
-LENGTHS, ESTIMATE = "/cable_lengths", "/robot/estimate"
-FLUSH_S = 1.0  # what a killed run may lose
+METADATA, FORMAT, DESCRIPTION = "endcap_robot", "1", "robot.toml"  # metadata record, its version, attachment
+LENGTHS, ESTIMATE = "/cable_lengths", "/robot/estimate"  # topics of the recording
+FLUSH_S = 1.0  # s, interval of writing; a killed run loses at most this
 
 
 class RobotRecorder:
-    """Writes one file.
+    """Writes one recording.
 
     Args:
-        path: must not exist.
-        robot: whose samples.
-        description: bytes of its file.
+        path: path of the file, which must not exist.
+        robot: robot of the samples.
+        description: bytes of the robot's file.
         wall_ns: wall time at which the samples' clock was 0; None where that is the monotonic clock of this process.
-        lost: takes a line when no more can be written.
+        lost: function that takes a line when writing fails.
 
     Attributes:
-        samples, reports: written; once it failed, those that the file certainly holds.
-        failed: why no more is written; empty while all is.
+        samples, reports: numbers of those written; after a failure, of those that the file certainly holds.
+        failed: reason of a failure; empty without one.
 
     Raises:
         FileError: the file exists or cannot be made.
@@ -70,7 +70,7 @@ class RobotRecorder:
         self._writer.add_attachment(time.time_ns(), time.time_ns(), DESCRIPTION, "", description)
 
     def sample(self, sample: Sample) -> None:
-        """A sample as it comes."""
+        """Write a sample as it arrived."""
         kind, data = messages.sample_message(sample, self._cables, self.wall_ns)
         if isinstance(sample, InertialSample):
             topic = f"/imu/{sample.sensor}"
@@ -80,7 +80,7 @@ class RobotRecorder:
         self._add(topic, kind, data)
 
     def report(self, report: Report) -> None:
-        """An estimate, and the truth where it is known."""
+        """Write an estimate, and the truth where it is known."""
         estimate = report.estimate
         stamp = self.wall_ns + whole_ns(estimate.time_s)
         self.reports += not self.failed
@@ -94,12 +94,12 @@ class RobotRecorder:
 
     @property
     def note(self) -> str:
-        """Content of the file, in one line."""
+        """Summary of the file, in one line."""
         what = f"{self.path}: {self.samples} samples and {self.reports} estimates recorded"
         return f"{what}, then stopped ({self.failed})" if self.failed else what
 
     def close(self) -> None:
-        """The end of the file."""
+        """Finish the file."""
         try:
             if not self.failed:
                 self._writer.finish()
@@ -110,10 +110,10 @@ class RobotRecorder:
             self._index.close()
 
     def _indexed(self) -> IndexOnDisk:
-        """The index of the chunks, which would grow in memory for as long as the robot runs.
+        """The index of the chunks on disk; in memory it would grow as long as the robot runs.
 
         Raises:
-            FileError: it cannot be kept beside the file, which is then left out, too.
+            FileError: it cannot be written beside the file, which is then left out, too.
         """
         index = IndexOnDisk()
         try:
@@ -139,7 +139,7 @@ class RobotRecorder:
                 self._writer.flush()
                 self._stream.flush()
                 self._flushed_s, self._kept = time.monotonic(), (self.samples, self.reports)
-        except OSError as error:  # disk full: the estimates go on, the file is readable up to here
+        except OSError as error:  # disk full: the run goes on, and the file is readable up to here
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:

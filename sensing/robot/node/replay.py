@@ -1,4 +1,4 @@
-"""A recording as a source: its samples in their order, and whether its estimates come out again to the bit."""
+"""A recording as a source: its samples in their order, and a comparison of its estimates to the bit."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, Sample
 
-TIME = re.compile(rb'"time_s":(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?),')  # the first key of an estimate
-NEEDED = "no estimate without the lengths of the cables"
+TIME = re.compile(rb'"time_s":(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?),')  # first key of an estimate
+NEEDED = "no estimate without the lengths of the cables"  # note of a recording without lengths
 
 
 @dataclass
@@ -35,11 +35,11 @@ class Outcome:
 
     Attributes:
         samples: number of samples read.
-        compared: estimates computed again.
-        different: estimates that differ from the recorded ones in any bit.
-        inertial: whether any inertial sample is in the file.
+        compared: number of estimates computed again.
+        different: number of estimates that differ from the recorded ones in any bit.
+        inertial: whether the file holds an inertial sample.
         endcaps: names of the endcaps with a reading.
-        end: what is wrong with the file's end; None where it is whole.
+        end: damage at the file's end; None if it is complete.
     """
 
     samples: int = 0
@@ -51,7 +51,7 @@ class Outcome:
 
     @property
     def notes(self) -> list[str]:
-        """What could not be estimated from it, and what could."""
+        """Notes on missing samples, and what they prevented."""
         if self.inertial:
             return []
         contacts = "which endcaps touch" if self.endcaps else "no contacts either"
@@ -62,13 +62,13 @@ class Recording:
     """A recording of :class:`sensing.robot.node.recorder.RobotRecorder`.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Attributes:
-        robot: as the recording describes it.
+        robot: robot as the recording describes it.
 
     Raises:
-        FileError: missing, no recording of a robot, of another version, or without its description.
+        FileError: missing, no recording of a robot, of another version, or without the robot's description.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,7 +83,7 @@ class Recording:
                 elif isinstance(record, Message):
                     break
         except (DamagedError, CutError):
-            pass  # said when the samples are read
+            pass  # reported when the samples are read
         if not self._about:
             raise FileError(
                 f"{path}: no recording of a robot: give one made with python -m sensing.robot --record FILE.mcap"
@@ -97,14 +97,14 @@ class Recording:
             self.robot: TensegrityRobot = load_robot(copy)
 
     def replay(self, outputs: Sequence[Output] = (), settings: Settings = DEFAULTS) -> Outcome:
-        """Estimate everything again and compare.
+        """Compute all estimates again and compare them with the recorded ones.
 
         Args:
-            outputs: take samples and reports.
-            settings: those of the recorded run, if the bits are to agree.
+            outputs: outputs that take samples and reports.
+            settings: settings of the recorded run, which are needed for equal bits.
 
         Raises:
-            FileError: a message that is none.
+            FileError: a message that cannot be decoded.
             ParameterError: a sample that is not of this robot.
         """
         found, way, estimator = Outcome(), Way(self.robot), RobotEstimator(self.robot, settings)
@@ -151,12 +151,12 @@ class Recording:
             return None
         try:
             return messages.sample_of(kind, data, int(self._about["wall_ns"]))
-        except Exception as error:  # each kind of damage has its own
+        except Exception as error:  # each kind of damage raises another error
             raise FileError(f"{self.path}: {printable(topic)}: no {kind} ({printable(str(error))[:80]})") from None
 
 
 def _predicted_to(estimate: bytes, newest_s: float) -> float | None:
-    """The time for which a recorded estimate holds, where that is later than all samples; else None."""
+    """Time of a recorded estimate, s, if it is later than all samples, so that it is a prediction; else None."""
     found = TIME.search(estimate)
     time_s = float(found[1]) if found else newest_s
     return time_s if newest_s < time_s < math.inf else None

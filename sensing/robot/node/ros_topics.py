@@ -5,8 +5,8 @@
     /robot/estimate            std_msgs/String          the whole estimate as JSON
     /tf                        tf2_msgs/TFMessage       world to ``bar_NAME``
 
-Stamps are wall time. Names keep letters, digits and underscores, as ROS has them; others become underscores. A name
-that begins with a digit, or that becomes another one's, is refused.
+Stamps are wall time. Names keep letters, digits and underscores, as ROS allows them; others become underscores. A name
+that begins with a digit, or that becomes equal to another one, is refused.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class RobotTopics:
     """Publishes every report.
 
     Args:
-        robot: of the reports.
-        domain: None for ``ROS_DOMAIN_ID`` or 0.
+        robot: robot of the reports.
+        domain: number of the DDS domain; None for ``ROS_DOMAIN_ID`` or 0.
         wall_ns: wall time at which the reports' clock was 0; None where that is the monotonic clock of this process.
 
     Raises:
@@ -53,10 +53,10 @@ class RobotTopics:
         }
 
     def sample(self, sample: Sample) -> None:
-        """Nothing: who has the samples has published them."""
+        """Do nothing: samples come from topics already."""
 
     def report(self, report: Report) -> None:
-        """All messages of one report."""
+        """Publish all messages of one report."""
         estimate = report.estimate
         wall_ns, time_s = self._wall_ns, estimate.time_s
         stamp = self._clock.stamp_ns(time_s) if wall_ns is None else wall_ns + whole_ns(time_s)
@@ -67,7 +67,7 @@ class RobotTopics:
         self._write("tf", messages.bar_transforms(estimate, stamp))
 
     def close(self) -> None:
-        """Take the topics away."""
+        """Remove the topics."""
         self._writers = {}
         self._participant, self._owner = None, None
 
@@ -76,14 +76,14 @@ class RobotTopics:
 
 
 def ros_names(names: Iterable[str], what: str) -> dict[str, str]:
-    """The part of a topic that stands for each name: a digit may not begin one (ROS 2 topic and service names).
+    """The part of a topic for each name, which may not begin with a digit (ROS 2 topic and service names).
 
     Args:
-        names: as the robot's description has them.
-        what: they name, for the message.
+        names: names in the robot's description.
+        what: kind of the named things, for the message.
 
     Raises:
-        ParameterError: a part that ROS does not have, or that two names share.
+        ParameterError: a part that ROS does not allow, or that two names share.
     """
     parts: dict[str, str] = {}
     for name in names:

@@ -1,7 +1,7 @@
-"""One run: samples as they arrive, through the estimator, to the outputs.
+"""Runs the estimator: samples as they arrive, reports to the outputs.
 
-Reports are made at moments of the samples' arrival, so a recording that holds samples and reports in their order gives
-the same reports again, to the bit. Times of samples are whole nanoseconds: what a recording or a topic can hold.
+The arrival of samples determines when reports are made, so a recording that holds samples and reports in their order
+gives the same reports again, to the bit. Times of samples are whole nanoseconds, as recordings and topics hold them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from sensing.robot.node.record import Report
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
-REPORT_S = 0.05
-SILENT_S = 0.3  # E: without any sample of a live robot, from which the estimate is predicted
-NS = 10**9
-STEP_M = 0.05  # of the path: shorter ones are noise
+REPORT_S = 0.05  # s, interval of reports
+SILENT_S = 0.3  # E: s without any sample of a live robot, after which the estimate is predicted
+NS = 10**9  # nanoseconds in a second
+STEP_M = 0.05  # m, least step of the path; shorter ones are noise
 
 
 class RobotSource(Protocol):
-    """Where samples come from."""
+    """Interface of a source of samples."""
 
     robot: TensegrityRobot
 
@@ -44,22 +44,22 @@ class RobotSource(Protocol):
 
 
 class Output(Protocol):
-    """Where samples and reports go."""
+    """Interface of an output of samples and reports."""
 
     def sample(self, sample: Sample) -> None:
-        """A sample that the estimator takes next."""
+        """Take a sample, before the estimator does."""
         ...
 
     def report(self, report: Report) -> None:
-        """An estimate of this moment."""
+        """Take an estimate of this moment."""
         ...
 
 
 def give(estimator: RobotEstimator, sample: Sample) -> None:
-    """Hand a sample to the estimator.
+    """Pass a sample to the method of the estimator for its kind.
 
     Raises:
-        ParameterError: one that is not of this robot, or of another clock.
+        ParameterError: a sample that is not of this robot, or of another clock.
     """
     if isinstance(sample, InertialSample):
         estimator.imu(sample)
@@ -71,12 +71,12 @@ def give(estimator: RobotEstimator, sample: Sample) -> None:
 
 
 def whole_ns(time_s: float) -> int:
-    """Nanoseconds of a time, s."""
+    """Nanoseconds of a time in s."""
     return round(time_s * NS)
 
 
 class Way:
-    """Where the robot has been, and where it truly is in the world of the estimate."""
+    """Path of the robot, and its true pose in the world of the estimate."""
 
     def __init__(self, robot: TensegrityRobot) -> None:
         self._last, self._align = np.full(2, np.nan), np.eye(4)
@@ -88,8 +88,8 @@ class Way:
         """The report of an estimate.
 
         Args:
-            estimate: of this moment.
-            truth: (B, 4, 4) m of the same, in the world of whoever knows it.
+            estimate: estimate of this moment.
+            truth: (B, 4, 4) m, true poses at this moment, in the source's world.
         """
         if not self._begun and truth is not None:
             self._align = _alignment(estimate.bars[self._leader].T_world_bar, truth[self._leader])
@@ -110,12 +110,12 @@ def run_robot(
     """Run until the source ends or is stopped; returns the number of reports.
 
     Args:
-        source: of samples.
-        estimator: of the same robot.
-        outputs: take samples and reports; one that raises gets no more.
-        stopped: asked all the time.
-        lost: takes a line for every output that raised.
-        silent_s: after so long without any sample, reports are predictions: their health says that all is silent.
+        source: source of samples.
+        estimator: estimator of the same robot.
+        outputs: outputs of samples and reports; one that raises gets no more.
+        stopped: polled; True ends the run.
+        lost: function that takes a line for every output that raised.
+        silent_s: silence, s, after which reports are predictions whose health states that all sensors are silent.
 
     Raises:
         ParameterError: a sample that is not of this robot, or of another clock.
@@ -140,9 +140,9 @@ def run_robot(
 
 
 class _Moments:
-    """When an estimate is reported: every 0.05 s of arrivals, and in a silence until nothing more can be predicted.
+    """Times of reports: every 0.05 s of arrivals, and during a silence as long as a prediction is possible.
 
-    Without the latter the last word of a robot whose network is gone would be that all is well.
+    Without the latter, the last report of a robot with a lost network would state good health.
     """
 
     def __init__(self, estimator: RobotEstimator, silent_s: float) -> None:
@@ -151,10 +151,10 @@ class _Moments:
         self._named: set[str] = set()
 
     def after_sample(self, at_s: float) -> RobotEstimate | None:
-        """At the newest sample; None where none is due, or predictions went further already.
+        """Estimate at the newest sample; None if none is due, or predictions are already later.
 
         Args:
-            at_s: arrival of a sample.
+            at_s: arrival of a sample, s.
         """
         self._heard_s = time.monotonic()
         if at_s < self._next_s:
@@ -163,7 +163,7 @@ class _Moments:
         return self._reported(self._estimator.state() if self._estimator.newest_s >= self._last_s else None)
 
     def in_silence(self) -> RobotEstimate | None:
-        """A prediction over the time in which nothing came."""
+        """Prediction over a time without samples."""
         quiet_s, newest_s = time.monotonic() - self._heard_s, self._estimator.newest_s
         at_s = newest_s + min(quiet_s, self._estimator.settings.history_s)
         if quiet_s < self._silent_s or not at_s >= self._last_s + REPORT_S:
@@ -195,7 +195,7 @@ def _hand_out(working: list[Output], take: Callable[[Output], None], lost: Calla
 
 
 def _alignment(estimated: Array, true: Array) -> Array:
-    """(4, 4) turn about z and shift that take the true heading and place of a bar, (4, 4), to those estimated."""
+    """(4, 4) rotation about z and shift that map the true heading and place of a bar, (4, 4), to the estimated ones."""
     turned = estimated[:3, :3] @ true[:3, :3].T
     angle = math.atan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
     pose = np.eye(4)

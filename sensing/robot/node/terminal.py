@@ -1,4 +1,4 @@
-"""The estimate in the terminal: a line a second, the truth beside it where it is known."""
+"""The estimate in the terminal: one line a second, with the truth where it is known."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from sensing.robot.node.record import Report
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
-SHOW_S = 1.0  # of the samples' clock
-SETTLE_S = 0.5  # in which every stream reports at least once
+SHOW_S = 1.0  # s on the samples' clock, interval of the lines
+SETTLE_S = 0.5  # s in which every stream reports at least once
 
 
 class RobotTerminal:
     """Writes one line a second, and a line at the start of each fault.
 
     Args:
-        lines: where.
-        robot: of the estimates.
-        quiet: only what is unusual.
+        lines: output of the lines.
+        robot: robot of the estimates.
+        quiet: whether only faults are printed.
 
     Attributes:
         last: newest report.
@@ -35,7 +35,7 @@ class RobotTerminal:
         """Do nothing: the next report shows the effect of the sample."""
 
     def report(self, report: Report) -> None:
-        """A line, if one is due."""
+        """Write a line, if one is due."""
         self.last, time_s = report, report.estimate.time_s
         self._begin_s = min(self._begin_s, time_s)
         settled = time_s > self._begin_s + SETTLE_S

@@ -1,6 +1,6 @@
 """Loads the estimator's compiled code before a live run; on a new computer it is compiled then, which takes a while.
 
-Compiled with the first samples of a run instead, the inertial sensor would seem silent for as long as that takes.
+If it were compiled with the first samples of a run, the inertial sensor would seem silent during that time.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from sensing.tensegrity.description import GRAVITY_M_S2, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 from sensing.tensegrity.shape import cable_lengths, standing_poses
 
-PATIENCE_S = 1.5  # what takes longer is announced
-STEP_S, STANDS_S = 0.01, DEFAULTS.start_s + 0.3
+PATIENCE_S = 1.5  # s; a longer warm-up is announced
+STEP_S, STANDS_S = 0.01, DEFAULTS.start_s + 0.3  # s, interval of the samples; time for which the robot stands
 
 
 def warm_up(robot: TensegrityRobot, say: Callable[[str], object]) -> None:
-    """Estimate a standing robot for a moment: every kind of sample, contacts that begin, hold and end.
+    """Estimate a standing robot for a moment, with every kind of sample and contacts that begin, hold and end.
 
     Args:
-        robot: as the run has it.
-        say: is called, from another thread, when this takes long.
+        robot: robot of the run.
+        say: function that takes a line, called from another thread, if this takes long.
     """
     text = "loading the estimator: half a minute where it must be compiled, once on this computer"
     with announced(text, PATIENCE_S, say):
@@ -45,7 +45,7 @@ def _stand(estimator: RobotEstimator, robot: TensegrityRobot) -> None:
             estimator.imu(InertialSample(time_s, sensor.name, np.zeros(3), force))
         estimator.lengths(LengthSample(time_s, lengths[measured]))
         for endcap, axes in zip(robot.endcaps, turns, strict=True):
-            touches = bool(axes[2, 2] < 0) and k % 20 != 0  # its tip looks down
+            touches = bool(axes[2, 2] < 0) and k % 20 != 0  # its tip points down
             push = axes.T @ up / 3 * touches
             estimator.reading(FootSample(time_s, endcap.name, push, np.zeros(3), 0.01 * np.eye(6), touches))
         estimator.state()

@@ -13,7 +13,7 @@ Triple = tuple[float, float, float]
 
 
 class BodyKind(IntEnum):
-    """Signed distances that :mod:`sensing.simulator.contact.kernels` knows."""
+    """Signed distances that :mod:`sensing.simulator.contact.kernels` has."""
 
     PLANE = 0
     SPHERE = 1
@@ -22,7 +22,7 @@ class BodyKind(IntEnum):
 
 
 PLUGIN = 100  # kinds from here on are plug-ins', in the order in which they were first used
-_DISTANCES: list[Distance] = []
+_DISTANCES: list[Distance] = []  # signed distances of plug-ins; the index is the kind minus PLUGIN
 
 
 def plugin_kind(distance: Distance) -> int:
@@ -59,10 +59,10 @@ def body_at(kind: int, radius_mm: float, point_mm: Array, axis: Array, along: Ar
     """A body from arrays.
 
     Args:
-        kind, radius_mm: of :class:`Body`.
-        point_mm: (3,).
-        axis: (3,), of length 1.
-        along: (3,), of length 1.
+        kind, radius_mm: fields of :class:`Body`.
+        point_mm: (3,) point of the body, mm, as in :class:`Body`.
+        axis: (3,) axis of the body, of length 1.
+        along: (3,) direction of the rows of crests, of length 1.
     """
     (x, y, z), (u, v, w), (a, b, c) = point_mm.tolist(), axis.tolist(), along.tolist()
     return Body(int(kind), float(radius_mm), (x, y, z), (u, v, w), (a, b, c))

@@ -28,13 +28,13 @@ from sensing.simulator.contact.body import Body, Distance, plugin_distance
 from sensing.simulator.solid.element import OUTER_FACE, Array, face_rule, shape_quad
 from sensing.simulator.solid.mesh import HexMesh, Index
 
-POINTS_PER_SIDE = 4
-PENALTY_RATIO = 25.0  # eps_n over E / T; the report measures what the penalty costs
+POINTS_PER_SIDE = 4  # Gauss points along a side of a face at which contact is evaluated
+PENALTY_RATIO = 25.0  # eps_n over E / T; the verification report measures the error that the penalty causes
 TANGENTIAL_RATIO = 0.5  # eps_t over eps_n
-BETWEEN_PER_SIDE = 13  # places along a face where a body may lie that no Gauss point feels
-_SIDE = np.linspace(-1, 1, BETWEEN_PER_SIDE)
-_BETWEEN = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)
-_BETWEEN_SHAPE, _ = shape_quad(_BETWEEN)
+BETWEEN_PER_SIDE = 13  # places along a face at which the body's reach between Gauss points is measured
+_SIDE = np.linspace(-1, 1, BETWEEN_PER_SIDE)  # their local coordinates along a side
+_BETWEEN = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (s, 2) local coordinates on the face
+_BETWEEN_SHAPE, _ = shape_quad(_BETWEEN)  # (s, 9) shape functions there
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class ContactSurface:
 
 @dataclass(frozen=True)
 class ContactMemory:
-    """What friction remembers of the last accepted state, at every Gauss point.
+    """State of friction after the last accepted step, at every Gauss point.
 
     Attributes:
         traction: friction traction tau_0 (f, g, 3), MPa.
@@ -76,7 +76,7 @@ class ContactMemory:
     gap: Array
 
     def arrays(self) -> contact_kernels.Memory:
-        """What the kernels need of it."""
+        """The arrays of the memory that the kernels take."""
         return contact_kernels.Memory(self.traction, self.position, self.gap)
 
 
@@ -116,9 +116,9 @@ def contact_surface(mesh: HexMesh, young_mpa: float, wall_mm: float, ratio: floa
     """Contact quadrature of the outer faces of a mesh.
 
     Args:
-        mesh: its outer faces are taken.
-        young_mpa: E of the silicone.
-        wall_mm: T of the shell.
+        mesh: mesh of the shell; its outer faces are taken.
+        young_mpa: Young's modulus E of the silicone, MPa.
+        wall_mm: wall thickness T of the shell, mm.
         ratio: penalty eps_n over E / T.
     """
     local, rule = face_rule(POINTS_PER_SIDE)
@@ -137,7 +137,7 @@ def free_memory(surface: ContactSurface, position: Array, body: Body) -> Contact
     Args:
         surface: contact quadrature.
         position: nodal positions (n, 3), mm.
-        body: what presses, at its first touch.
+        body: the body that presses, at its first touch.
     """
     y = np.einsum("ga,fai->fgi", surface.shape, position[surface.nodes])
     response = respond(
@@ -147,15 +147,15 @@ def free_memory(surface: ContactSurface, position: Array, body: Body) -> Contact
 
 
 def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation: Array) -> float:
-    """How far the body reaches into the surface anywhere, Gauss points or not; negative where it is apart.
+    """Largest penetration of the body into the surface, mm, also between Gauss points; negative where it is apart.
 
-    A grid on every face, and a finer one round its nearest point.
+    The distance is evaluated on a grid on every face, then on a finer one round the nearest point.
 
     Args:
         surface: outer faces that may touch.
-        body: what presses.
-        position: nodal (n, 3), mm.
-        translation: (3,) of the body from its first touch, mm.
+        body: the body that presses.
+        position: nodal positions (n, 3), mm.
+        translation: (3,) displacement of the body from its first touch, mm.
     """
     _, nearest = _loops(plugin_distance(body.kind))
     face, place, _ = nearest(surface.nodes, _BETWEEN_SHAPE, body, position, translation)
@@ -165,9 +165,10 @@ def deepest_mm(surface: ContactSurface, body: Body, position: Array, translation
 
 @cache
 def _loops(distance: Distance | None) -> tuple[Any, Any]:
-    """(respond, nearest) of the kernels for a plug-in's signed distance; None for the bodies known here.
+    """(respond, nearest) of the kernels for a plug-in's signed distance; None stands for the built-in bodies.
 
-    The same loops are compiled with it in the place of theirs, once in a process: those known here lose nothing by it.
+    The same loops are compiled once a process, with the plug-in's distance in place of the built-in one, so that the
+    built-in bodies lose no speed.
     """
     plain: tuple[Any, Any] = contact_kernels.respond, contact_kernels.nearest
     if distance is None:
@@ -192,9 +193,9 @@ def respond(
     Args:
         surface: contact quadrature.
         memory: last accepted state.
-        body: what presses (:meth:`sensing.simulator.contact.indenter.Indenter.body`).
+        body: the body that presses (:meth:`sensing.simulator.contact.indenter.Indenter.body`).
         position: nodal positions x (n, 3), mm.
-        translation: of the body from its place of first touch (3,), mm.
+        translation: displacement of the body from its place of first touch (3,), mm.
         friction: Coulomb coefficient mu.
         bound: frozen friction bound (f, g), MPa; ``None`` takes the true mu p and its derivative.
         contact_fraction: given contact-time fraction (f, g); ``None`` computes it from the gaps.

@@ -20,13 +20,13 @@ from sensing.simulator.contact.body import Body, BodyKind, body_at, plugin_kind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
-KINDS = {kind.name.lower(): kind for kind in BodyKind}
-MIRRORED_DEG = {"edge": 90.0, "rough": 45.0}  # directions of the axis in which a body is its own mirror image
+KINDS = {kind.name.lower(): kind for kind in BodyKind}  # built-in bodies by name
+MIRRORED_DEG = {"edge": 90.0, "rough": 45.0}  # the body is its own mirror image in y = 0 at multiples of this axis_deg
 MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
 
 
 def known_kinds() -> tuple[str, ...]:
-    """Names of the bodies here and of those that plug-ins add."""
+    """Names of the built-in bodies and of those that plug-ins add."""
     return (*KINDS, *(name for name in plugins.names(plugins.Kind.INDENTER) if name not in KINDS))
 
 
@@ -81,14 +81,14 @@ class Indenter:
 
     @property
     def keeps_mirror(self) -> bool:
-        """Whether the body itself is symmetric in y = 0."""
+        """Whether the body is its own mirror image in y = 0."""
         if self.kind in KINDS:
             return self.kind not in MIRRORED_DEG or self.axis_deg % MIRRORED_DEG[self.kind] == 0
         return bool(getattr(self._shape, "keeps_mirror", False))
 
     @property
     def _shape(self) -> Any:
-        """The plug-in's object."""
+        """The indenter that the plug-in made."""
         return _made(self.kind)
 
     def frame(self) -> Array:
@@ -118,11 +118,11 @@ def _made(name: str) -> Any:
 
 
 def translation(frame: Array, depth_mm: float, shift_mm: tuple[float, float]) -> Array:
-    """How far a body has come from its first touch (3,), mm: the module's equation.
+    """Displacement of a body from its first touch (3,), mm: the equation in the module's text.
 
     Args:
         frame: contact frame, columns outward, meridian, lateral (3, 3).
-        depth_mm: travel against the outward normal.
-        shift_mm: along (meridian, lateral).
+        depth_mm: travel against the outward normal, mm.
+        shift_mm: tangential travel along (meridian, lateral), mm.
     """
     return frame @ np.array([-depth_mm, *shift_mm])

@@ -16,12 +16,12 @@ from sensing.simulator.contact.body import BodyKind
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 
-HELPER: dict[str, Any] = {"forceinline": True}
-FEET, NEAR = 8, 0.25  # Newton steps to the foot on rough ground, within that part of its radius
+HELPER: dict[str, Any] = {"forceinline": True}  # options of helper functions, which numba inlines always
+FOOT_STEPS, NEAR = 8, 0.25  # Newton steps to the foot on rough ground; they run within this part of its radius
 
 
 class Quadrature(NamedTuple):
-    """Where contact is integrated: nodes (f, 9), shape functions (g, 9), areas (f, g), penalties eps_n and eps_t."""
+    """Quadrature of contact: nodes (f, 9), shape functions (g, 9), areas (f, g), mm2, penalties eps_n and eps_t."""
 
     nodes: Index
     shape: Array
@@ -31,7 +31,7 @@ class Quadrature(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Friction at the last accepted state: traction and relative position (f, g, 3), gap (f, g)."""
+    """Friction at the last accepted state: traction, MPa, and relative position, mm (f, g, 3); gap, mm (f, g)."""
 
     traction: Array
     position: Array
@@ -77,7 +77,7 @@ def respond(quadrature, memory, body, position, translation, friction, out):
         quadrature, memory, friction: records of this module.
         body: :class:`sensing.simulator.contact.body.Body`.
         position: nodal positions (n, 3), mm.
-        translation: of the body from its first touch (3,), mm.
+        translation: displacement of the body from its first touch (3,), mm.
         out: zeroed :class:`Response`, filled here.
     """
     faces, points = quadrature.area.shape
@@ -119,7 +119,7 @@ def respond(quadrature, memory, body, position, translation, friction, out):
 
 @njit(**HELPER)
 def _relative(shape, nodes, position, translation, y):
-    """A point of a face as the body sees it, into ``y`` (3,)."""
+    """Write the position of a face's point relative to the body into ``y`` (3,)."""
     for i in range(3):
         place = 0.0
         for a in range(9):
@@ -129,7 +129,7 @@ def _relative(shape, nodes, position, translation, y):
 
 @njit(**HELPER)
 def _trial(tau0, y, y0, eps, normal, trial):
-    """Friction if nothing slipped, in the tangent plane, into ``trial``; returns its size."""
+    """Write the trial traction of a sticking point, in the tangent plane, into ``trial``; returns its norm, MPa."""
     dot, size = 0.0, 0.0
     for i in range(3):
         trial[i] = tau0[i] - eps * (y[i] - y0[i])
@@ -142,7 +142,7 @@ def _trial(tau0, y, y0, eps, normal, trial):
 
 @njit(**HELPER)
 def _stick(trial, eps, normal, turn, tau, k):
-    """Friction and its tangent of a point that holds; ``turn``: d(log contact-time fraction) by the overlap."""
+    """Traction and tangent of a sticking point; ``turn``: d(log contact-time fraction) by the overlap, 1/mm."""
     for i in range(3):
         tau[i] = trial[i]
         for j in range(3):
@@ -152,7 +152,7 @@ def _stick(trial, eps, normal, turn, tau, k):
 
 @njit(**HELPER)
 def _slip(trial, size, limit, eps, normal, slope, tau, k):
-    """Friction and its tangent of a point that slips; ``slope``: of the bound by the overlap, 0 where it is frozen."""
+    """Traction and tangent of a slipping point; ``slope``: of the bound by the overlap, 0 where it is frozen."""
     ratio = limit / size
     for i in range(3):
         tau[i] = ratio * trial[i]
@@ -164,7 +164,7 @@ def _slip(trial, size, limit, eps, normal, slope, tau, k):
 
 @njit(**HELPER)
 def _add(shape, w, p, normal, tau, k, force, stiffness):
-    """A point's force and tangent onto the nodes of its face."""
+    """Add the force and the tangent of a point to those of the nodes of its face."""
     for a in range(9):
         wa = w * shape[a]
         for i in range(3):
@@ -181,9 +181,9 @@ def nearest(nodes, shape, body, position, translation):
     """Face, place (row of ``shape``) and distance (mm) where the surface is nearest to the body.
 
     Args:
-        nodes: of the faces (f, 9).
-        shape: shape functions at the places to look at (s, 9).
-        body, position, translation: as of :func:`respond`.
+        nodes: nodes of the faces (f, 9).
+        shape: shape functions at the places that are evaluated (s, 9).
+        body, position, translation: arguments of :func:`respond`.
     """
     y, normal, hessian = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     nearest, face, place = np.inf, 0, 0
@@ -236,9 +236,9 @@ def _rough_distance(body, y, gradient, hessian):
     fundamental form there, which is exact to first order in d.
 
     Args:
-        body: the ground.
-        y: (3,) point.
-        gradient, hessian: (3,) and (3, 3), filled.
+        body: the rough ground.
+        y: (3,) point, mm.
+        gradient, hessian: (3,) and (3, 3), filled here.
     """
     n, e, p = body.axis, body.along, body.point_mm
     c = (n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0])
@@ -261,11 +261,11 @@ def _rough_distance(body, y, gradient, hessian):
 
 @njit(**HELPER)
 def _foot(s, t, z, k, b, near):
-    """(s, t) of the point of rough ground nearest to (s, t, z); the point below where it is further than ``near``."""
+    """(s, t) of the point of rough ground nearest to (s, t, z); (s, t) itself where it is further than ``near``."""
     u, v = s, t
-    if abs(z - b * (math.cos(k * s) + math.cos(k * t) - 2.0)) > near:  # its sign is enough
+    if abs(z - b * (math.cos(k * s) + math.cos(k * t) - 2.0)) > near:  # contact needs only the sign there
         return u, v
-    for _ in range(FEET):
+    for _ in range(FOOT_STEPS):
         off = b * (math.cos(k * u) + math.cos(k * v) - 2.0) - z
         gu, gv = -b * k * math.sin(k * u), -b * k * math.sin(k * v)
         guu, gvv = -b * k * k * math.cos(k * u), -b * k * k * math.cos(k * v)
@@ -279,7 +279,7 @@ def _foot(s, t, z, k, b, near):
 
 @njit(**HELPER)
 def _bent(e, cu, c, cv, normal, distance, hessian):
-    """S - d S S into ``hessian``, with S = cu e e' + cv c c' in the tangent plane of ``normal``."""
+    """Write S - d S S into ``hessian``, with S = cu e e' + cv c c' in the tangent plane of ``normal``."""
     across_e = across_c = 0.0
     for i in range(3):
         across_e += e[i] * normal[i]

@@ -15,14 +15,15 @@ from cad.whole_file import put_file
 from sensing.records_labelled import COLUMNS, shard_files
 from sensing.set_manifest import read_manifest
 
-NAME = "croissant.json"
-PAPER = "https://arxiv.org/abs/2607.15633"
+NAME = "croissant.json"  # file name of a Croissant description
+PAPER = "https://arxiv.org/abs/2607.15633"  # the authors' paper
 CITATION = (
     "Tong, W., Mi, J., Yi, X., Fazeli, N., Huang, X.: Scalable Open-Source Visuotactile Sensor for 6-Axis Contact "
     f"Wrench Estimation in Tensegrity Robots. 2026. {PAPER}"
 )
 LICENSE = "https://opensource.org/license/mit"
-KINDS = {".json": "application/json", ".npz": "application/zip"}
+KINDS = {".json": "application/json", ".npz": "application/zip"}  # media types by suffix
+# JSON-LD context of Croissant 1.0.
 CONTEXT: dict[str, Any] = {
     "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
     "cr": "http://mlcommons.org/croissant/", "dct": "http://purl.org/dc/terms/",
@@ -38,7 +39,7 @@ CONTEXT: dict[str, Any] = {
 
 
 def write_card(folder: Path) -> None:
-    """Describe a whole set.
+    """Write the card of a complete set.
 
     Raises:
         FileError: no manifest.

@@ -31,9 +31,10 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.surface import dot_directions, turn_about_axis, turn_wrench
 
 Array = NDArray[np.float64]
+# Columns of simulated sets; a tracked window shows the motion of a dot's outline.
 SIMULATED = COLUMNS | {"outline_mm": "(d, 3) how each dot's outline moves in the picture: what a tracked window shows"}
-STEPS_A_PATH = 1 << 14  # noise numbers kept apart for each path
-PATHS_A_SEED = 1 << 32  # and paths kept apart for each seed
+STEPS_A_PATH = 1 << 14  # noise numbers of a path; paths have separate ranges
+PATHS_A_SEED = 1 << 32  # paths of a seed; seeds have separate ranges of noise numbers
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Studio:
 
 @lru_cache(maxsize=1)
 def studio(request: DataRequest) -> Studio:
-    """Mesh the shell and paint the endcap; kept, because a worker does many shards of one request."""
+    """Mesh the shell and paint the endcap; cached, because a worker makes many shards of one request."""
     cv2.setNumThreads(1)  # a worker has one core
     law = silicone(request.silicone).neo_hooke()
     geometry = ShellGeometry.from_params(request.params)
@@ -67,10 +68,10 @@ def studio(request: DataRequest) -> Studio:
 
 
 def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> bytes:
-    """A shard as it lies on disk.
+    """Bytes of a shard's file.
 
     Args:
-        request, paths, stored: as of :func:`shard_arrays`.
+        request, paths, stored: arguments of :func:`shard_arrays`.
     """
     buffer = io.BytesIO()
     np.savez(buffer, **cast(dict[str, Any], shard_arrays(request, paths, stored)))
@@ -78,12 +79,12 @@ def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None
 
 
 def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> dict[str, NDArray[Any]]:
-    """Columns, pictures and refusals of a shard; depends on nothing that was solved before.
+    """Columns, pictures and refusals of a shard; they do not depend on states solved before.
 
     Args:
-        request: what to make.
-        paths: of this shard.
-        stored: set whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None solves them.
+        request: options of the data set.
+        paths: loading paths of this shard.
+        stored: set whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None solves the paths.
     """
     tools = studio(request)
     tools.simulator.forget()
@@ -120,10 +121,10 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
 
 
 def noise_number(seed: int, path: int, picture: int) -> int:
-    """Frame number that selects a picture's noise; it holds the seed, so that sets of two seeds share no noise.
+    """Frame number that selects a picture's noise; it contains the seed, so that sets of two seeds share no noise.
 
     Args:
-        seed: of the request; the paint has another one, the sensor's.
+        seed: seed of the request; the paint has another one, that of the sensor.
         path: number of the path.
         picture: number within the path, 0 for its reference. With seed 0 the number is that of sets written before
             manifests had a ``noise_key``.
@@ -132,7 +133,7 @@ def noise_number(seed: int, path: int, picture: int) -> int:
 
 
 def rest_arrays(request: DataRequest) -> dict[str, NDArray[Any]]:
-    """What never moves: dots (d, 3) and inner surface (k, 3) at rest, mm."""
+    """Rest positions: dots (d, 3) and inner surface (k, 3), mm."""
     simulator = studio(request).simulator
     directions = dot_directions(simulator.geometry)
     dots = simulator.geometry.inner_radius_mm * directions + np.array(simulator.geometry.centre_mm)
@@ -173,16 +174,16 @@ def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_d
     """Endcap to world (4, 4): the plane is z = 0 with its normal toward the endcap, x along the meridian.
 
     Args:
-        request: its shell.
-        path: tilt of the plane, or ``T_world_sphere`` where a robot gives rotation and place.
-        state: depth and travel are the means of its begin and end; the depth gives a robot's endcap its height, too.
-        azimuth_deg: of the contact; not used where a robot gives the rotation.
+        request: request of the shell.
+        path: tilt of the plane, or ``T_world_sphere`` where a robot determines rotation and place.
+        state: its depth and travel are means of begin and end; the depth also sets the height of a robot's endcap.
+        azimuth_deg: azimuth of the contact, degrees; not used where a robot determines the rotation.
     """
     geometry = ShellGeometry.from_params(request.params)
     depth = (state.begin.depth_mm + state.end.depth_mm) / 2
     if path.T_world_sphere:
         pose = np.array(path.T_world_sphere).reshape(4, 4)
-        pose[2, 3] = geometry.outer_radius_mm - depth  # the robot's statics know rigid spheres, which do not sink in
+        pose[2, 3] = geometry.outer_radius_mm - depth  # the robot's statics has rigid spheres, which do not sink in
         pose[:3, 3] -= pose[:3, :3] @ geometry.centre_mm
         return pose
     outward, meridian, lateral = (turn_about_axis(azimuth_deg) @ Indenter(path.tilt_deg).frame()).T
@@ -197,7 +198,7 @@ def world_pose(request: DataRequest, path: LoadPath, state: PathState, azimuth_d
 def _picture(
     tools: Studio, request: DataRequest, state: PathState, azimuth_deg: float, noise: int, settings: RenderSettings
 ) -> tuple[dict[str, Any], bytes]:
-    """Dots and JPEG of a state; without a renderer the dots as the camera model sees their nominal places."""
+    """Dots and JPEG of a state; without a renderer, the dots as the camera model projects their nominal places."""
     begin, end = state.begin.surface_mm, state.end.surface_mm
     simulator = tools.simulator
     moved = simulator.markers(state.end, azimuth_deg)

@@ -1,8 +1,8 @@
-"""Work on processes of this machine that ends at once, and leaves nobody behind, when it is interrupted.
+"""Runs jobs in processes of this machine; an interrupt ends all of them at once.
 
-A terminal sends Ctrl-C to a command and to its workers alike. Workers here do not hear it; the command ends them. (A
-pool whose workers are interrupted while they hold the lock of its queue may never come back.) A command that is ended
-or killed itself cannot: so each worker watches its parent, and goes with it.
+A terminal sends Ctrl-C to a command and to its workers alike. Workers ignore the signal, and the command ends them.
+(A pool whose workers are interrupted while they hold the lock of its queue may never return.) A command that is
+terminated or killed cannot end its workers, so each worker watches its parent process and exits with it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from cad import threads
 from cad.pools import close_result_writer
 
 Result = TypeVar("Result")
-LOOK_S = 0.2  # between looks for a Ctrl-C
+LOOK_S = 0.2  # s, interval at which a pending Ctrl-C is looked for
 
 
 def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Result]:
-    """Results of ``job(*arguments)`` as they are finished, in any order.
+    """Results of ``job(*arguments)``, each when it is finished, in any order.
 
     Args:
-        job: a function of a module.
-        arguments: taken as they are needed, two for each worker at most.
-        workers: processes, each with one thread for linear algebra.
+        job: a function at the top level of a module.
+        arguments: positional arguments of each call; at most two calls for each worker are drawn in advance.
+        workers: number of processes, each with one thread for linear algebra.
 
     Raises:
-        BrokenProcessPool: a worker was killed. What a job raises is raised here.
+        BrokenProcessPool: a worker was killed. Exceptions of a job are raised here, too.
     """
     waiting, running = iter(arguments), set[Future[Result]]()
     others = set(multiprocessing.active_children())
@@ -63,13 +63,13 @@ def results(job: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], wo
 
 @contextmanager
 def _interrupted_between() -> Iterator[list[int]]:
-    """A list that is filled by Ctrl-C, instead of an exception in the middle of anything.
+    """A list that Ctrl-C fills; it replaces the exception, which could be raised at any instruction.
 
-    One that is raised while futures are locked, to wait for them or to submit another, leaves them locked, and the
-    pool then waits for ever for its own thread.
+    An exception raised while futures are locked, to wait for them or to submit another, leaves them locked, and the
+    pool then waits for its own thread for ever.
     """
     seen: list[int] = []
-    if threading.current_thread() is not threading.main_thread():  # Ctrl-C does not come here
+    if threading.current_thread() is not threading.main_thread():  # signals reach the main thread only
         yield seen
         return
     before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
@@ -85,7 +85,7 @@ def _children_ignoring_interrupts() -> Iterator[None]:
 
     Until :func:`_follow_parent` runs, a worker imports modules for a second, and would end in a traceback.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit the mask
     try:
         yield
     finally:
@@ -99,14 +99,14 @@ def _follow_parent() -> None:
 
     def watch() -> None:
         parent.join()
-        os._exit(1)  # at once: no process is left to take the worker's result
+        os._exit(1)  # at once, because no process is left to take the worker's result
 
     threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Processes started inside give linear algebra one thread: there is a worker for every core already."""
+    """Processes started in this context give linear algebra one thread, since every core has a worker already."""
     before = {name: os.environ.get(name) for name in threads.VARIABLES}
     os.environ.update(dict.fromkeys(threads.VARIABLES, "1"))
     try:

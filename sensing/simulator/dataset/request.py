@@ -28,15 +28,15 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES
 from sensing.simulator.solid.shell import PLAIN, require_interlock
 
-PATHS_PER_SHARD = 3
+PATHS_PER_SHARD = 3  # loading paths of a shard
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
-PATH_LEVELS = (1, 2)  # those that follow a path; level 4 has forces alone (Simulator.bulk)
-RENDERERS = ("off", *RENDER_LEVELS)
-LAMPS = ("varied", "steady")
-RELEASED, DESIGN = "released", "design"
+PATH_LEVELS = (1, 2)  # levels that follow a path; level 4 depends on forces alone (Simulator.bulk)
+RENDERERS = ("off", *RENDER_LEVELS)  # values of ``render``
+LAMPS = ("varied", "steady")  # values of ``lamp``
+RELEASED, DESIGN = "released", "design"  # values of ``loads``
 LOADS = (RELEASED, DESIGN)
-NOISE_KEY = 2  # how pictures' noise is numbered: 1 by path and picture, 2 by seed, path and picture
-# What a manifest written before these options means by its silence.
+NOISE_KEY = 2  # numbering of the pictures' noise: 1 by path and picture, 2 by seed, path and picture
+# Values of options that manifests written before these options lack.
 ADDED_SINCE = {
     "rate_effects": False,
     "prony": [],
@@ -49,7 +49,8 @@ ADDED_SINCE = {
     "interlock": PLAIN,
     "noise_key": 1,
 }
-MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01  # E: how sensors differ (standard deviations)
+# E: standard deviations between sensors: tilt of the camera, degrees; its offset, mm; focal length, relative.
+MOUNT_TILT_DEG, MOUNT_SHIFT_MM, FOCAL_SHARE = 1.5, 0.5, 0.01
 
 
 @dataclass(frozen=True)
@@ -58,23 +59,24 @@ class DataRequest:
 
     Attributes:
         frames: least number of labelled frames (whole paths and scenes of a robot are kept, so a few more).
-        diameter_mm, wall_mm, silicone: the shell.
-        dot_rings, dot_mm: its dots (:mod:`cad.pattern`).
-        density: of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
-        level, tolerance: of the mechanics (:mod:`sensing.simulator.levels`).
-        interlock: how many times as stiff as silicone the zone with the TPU gyroid is; 1: plain silicone.
-        rate_effects: whether the silicone relaxes (its row of cad/materials.csv says how); needs a path with times.
-        indenter, radius_mm, axis_deg: what presses (:data:`sensing.simulator.contact.indenter.KINDS`); the radius of a
-            sphere, edge or crest, and the direction of edge or rows of crests from the meridian, each ignored where it
-            means nothing.
-        protocol, seed: loading paths.
-        loads: of their set-points: ``released`` as they are, for D=130 T=8 in Smooth-Sil 950; ``design`` in proportion
-            to the range of this design's weights.
-        azimuths: labelled azimuths of every solved state.
+        diameter_mm, wall_mm, silicone: the shell: outer diameter D and wall T, mm; row of cad/materials.csv.
+        dot_rings, dot_mm: its dot pattern (:mod:`cad.pattern`).
+        density: density of the mesh (:data:`sensing.simulator.solid.mesh.DENSITIES`).
+        level, tolerance: level of the mechanics and its relative residual (:mod:`sensing.simulator.levels`).
+        interlock: stiffness of the zone with the TPU gyroid over that of silicone; 1: plain silicone.
+        rate_effects: whether the silicone relaxes (by its row of cad/materials.csv); needs a protocol with times.
+        indenter, radius_mm, axis_deg: body that presses (:data:`sensing.simulator.contact.indenter.KINDS`); radius of a
+            sphere, edge or crest, mm; direction of an edge or of rows of crests from the meridian, degrees. Radius and
+            direction are ignored for bodies without them.
+        protocol, seed: protocol of the loading paths, and seed of their random numbers.
+        loads: set-points of the paths: ``released`` as they are, for D=130 T=8 in Smooth-Sil 950; ``design`` in
+            proportion to the range of this design's weights.
+        azimuths: number of labelled azimuths of every solved state.
         render: quality of the pictures (:data:`sensing.simulator.render.settings.LEVELS`), or ``off``.
         lamp: ``varied`` draws brightness, gradient and exposure for every path; ``steady`` keeps the nominal ones.
-        sensor: which hand-painted endcap: fixes its paint, and (but for 0, the nominal one) camera and mounting.
-        unpainted, missing, smeared, extra: its dots (:class:`sensing.simulator.render.settings.Paint`).
+        sensor: number of the hand-painted endcap: it determines the paint and, except for 0, the nominal one, the
+            camera and its mounting.
+        unpainted, missing, smeared, extra: defects of its dots (:class:`sensing.simulator.render.settings.Paint`).
 
     Raises:
         ParameterError: a value outside its range.
@@ -139,7 +141,7 @@ class DataRequest:
         _ = self.params, self.settings, self.prony
 
     def _require_protocol(self) -> None:
-        """Refuse options that a protocol does not have."""
+        """Refuse options that the protocol does not have."""
         if load_path(self.protocol, self.seed, 0, 1).began_s is None and self.rate_effects:
             raise ParameterError(
                 f"protocol={self.protocol!r} has no rate effects: its states are at rest, and no time passes between "
@@ -167,18 +169,18 @@ class DataRequest:
 
     @property
     def prony(self) -> tuple[tuple[float, float], ...]:
-        """Series of the silicone, empty without rate effects."""
+        """Prony series of the silicone, pairs (g, tau_s); empty without rate effects."""
         return silicone(self.silicone).prony_series() if self.rate_effects else ()
 
     @property
     def settings(self) -> RenderSettings:
-        """Look of the pictures under the nominal lamp."""
+        """Render settings of the request under the nominal lamp."""
         paint = Paint(unpainted=self.unpainted, missing=self.missing, smeared=self.smeared, extra=self.extra)
         plain = RenderSettings(seed=self.sensor, paint=paint)
         return plain if self.render == "off" else plain.at_level(self.render)  # type: ignore[arg-type]
 
     def body(self, tilt_deg: float) -> Indenter:
-        """What presses, where it first touches.
+        """The indenter at its first touch.
 
         Raises:
             ParameterError: a radius that is not positive, or a tilt that no indenter reaches.
@@ -187,7 +189,7 @@ class DataRequest:
 
     @property
     def mounted(self) -> MountedCamera:
-        """Camera of this sensor: the nominal one for sensor 0, else scattered as hand assembly scatters it."""
+        """Camera of this sensor: the nominal one for sensor 0, else one with random errors of hand assembly."""
         lens, height = nominal_lens(), self.params.camera_height_mm
         if self.sensor == 0:
             return mount(lens, (0.0, 0.0, height))
@@ -208,7 +210,7 @@ class DataRequest:
         return Lamp(brightness=brightness, gradient=gradient, gradient_azimuth_deg=azimuth), float(exposure)
 
     def shards(self) -> list[list[LoadPath]]:
-        """Paths of every shard; whole shards, so that a set can grow later, and all endcaps of a robot's scene."""
+        """Paths of every shard; shards are complete, so that a set can grow later, and hold all endcaps of a scene."""
         shards: list[list[LoadPath]] = []
         total = 0
         while total < self.frames or shards[-1][-1].endcap not in (-1, ENDCAPS - 1):
@@ -225,7 +227,7 @@ class DataRequest:
         return scaled(path, LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa))
 
     def record(self) -> dict[str, Any]:
-        """For the manifest: the request and the constants behind its names."""
+        """Record for the manifest: the request and the constants behind its names."""
         law = silicone(self.silicone).neo_hooke()
         constants = {"c10_mpa": law.c10_mpa, "bulk_mpa": law.bulk_mpa, "poisson": law.poisson, "prony": self.prony}
         return {**asdict(self), **constants, "noise_key": NOISE_KEY}

@@ -1,7 +1,7 @@
 """Solves the states of a loading path at the requested level; refused states are listed.
 
-All states are at azimuth 0 (N, mm, N mm, endcap frame). A simulator with rate effects follows the path's clock, and
-once touched the shell is solved in the clear, too, because it comes back slowly and remembers.
+All states are at azimuth 0 (N, mm, N mm, endcap frame). A simulator with rate effects follows the path's clock. After
+the first touch, it also solves the shell while the body is apart, because the shell recovers slowly.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from sensing.simulator.scene import Scene, SceneState
 
 @dataclass(frozen=True)
 class PathState:
-    """One waypoint solved.
+    """Solved states of one waypoint.
 
     Attributes:
-        step: its number in the path.
+        step: number of the waypoint in the path.
         end: state when the exposure ends.
-        begin: when it began (the same object for a state at rest).
+        begin: state when the exposure began (the same object for a state at rest).
     """
 
     step: int
@@ -39,17 +39,17 @@ class PathState:
 def path_states(
     simulator: Simulator, path: LoadPath, body: Indenter | None = None
 ) -> tuple[list[PathState], list[str]]:
-    """States of a path and its refusals, one line each; after a refusal, waypoints are lost until the body is clear.
+    """States of a path and its refusals, one line each; after a refusal, waypoints are skipped until the body is apart.
 
-    With rate effects they are lost to the end: what the shell would remember is not known.
+    With rate effects they are skipped to the end, because the material's history is unknown after a refusal.
 
     Args:
-        simulator: solves the states.
-        path: where the body goes.
-        body: what presses; None for a plane at the path's tilt.
+        simulator: solver of the states.
+        path: loading path of the body.
+        body: the indenter; None for a plane at the path's tilt.
 
     Raises:
-        ParameterError: rate effects on a path that carries no time.
+        ParameterError: rate effects on a path without times.
     """
     scene = Scene(body or Indenter(tilt_deg=path.tilt_deg), path.friction)
     states: list[PathState] = []
@@ -63,7 +63,7 @@ def path_states(
         done = len(states)
         try:
             for state in _solved(simulator, scene, numbered, path.began_s or 0.0):
-                states.append(state)  # one by one: those before a refusal stand
+                states.append(state)  # one by one, so that those before a refusal are kept
         except Refusal as refusal:
             lost = numbered[len(states) - done :]
             refusals.append(f"path {path.number} states {lost[0][0]}..{lost[-1][0]}: {refusal}")
@@ -71,7 +71,7 @@ def path_states(
 
 
 def _remembered(path: LoadPath) -> tuple[Waypoint, ...]:
-    """Waypoints that are solved in the clear, too, from the first touch on."""
+    """Waypoints from the first touch on, those without contact included, which relaxation needs."""
     if path.began_s is None:
         raise ParameterError(
             f"path {path.number} carries no time: rate effects need a path that says when its targets are reached",
@@ -102,7 +102,7 @@ def _solved(
 
 
 def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
-    """Nothing touches: nothing to solve."""
+    """State of the untouched shell, which needs no solution."""
     rest = np.zeros_like(simulator.surface.position)
     state = SceneState(
         simulator.level, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None

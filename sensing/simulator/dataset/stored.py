@@ -1,9 +1,9 @@
-"""Solved states of a set that was written without pictures, to be seen by other sensors without solving them again.
+"""Solved states of a set that was written without pictures, so that other sensors can render them without the solver.
 
     states, refusals = stored_states(Path("exports/states"), request, path)
 
-Mechanics cost much more than a picture, and know nothing of paint, lamp and camera. Only states at rest: of a motion
-the set keeps the end of each exposure, not its beginning.
+Mechanics cost much more than a picture and do not depend on paint, lamp and camera. Only states at rest can be reused:
+of a motion the set holds the end of each exposure, not its beginning.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.scene import SceneState
 from sensing.simulator.solid.surface import turn_wrench
 
-# What other sensors may change; all the rest must be as it was when the states were solved.
+# Options that may differ between sensors; all others must be those with which the states were solved.
 OF_THE_SENSOR = {"frames", "azimuths", "render", "lamp", "sensor", "unpainted", "missing", "smeared", "extra"}
 
 
@@ -54,11 +54,11 @@ def stored_states(folder: Path, path: LoadPath) -> tuple[list[PathState], list[s
     """States of a path and its refusals, as :func:`sensing.simulator.dataset.states.path_states` gave them.
 
     Args:
-        folder: of the set.
-        path: one that it holds.
+        folder: folder of the set.
+        path: a loading path of the set.
 
     Raises:
-        FileError: the path is not there.
+        FileError: the set does not hold the path.
         ParameterError: the shard's path has another plane (another --azimuths).
     """
     file = _shard_of_path(folder).get(path.number)

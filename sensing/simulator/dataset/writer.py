@@ -1,8 +1,8 @@
-"""Writing a data set: missing shards are made by workers and written by one process, each whole or not at all.
+"""Writes a data set: workers make the missing shards, and one process writes each of them whole or not at all.
 
 The folder is described in :mod:`sensing.records_labelled`. Every shard depends on the request and its own number alone,
-so a killed run goes on where it stopped and ends with the same bytes. Workers are processes of this machine, or those
-of a Dask cluster; they hand shards back, so only the machine that was asked needs the folder.
+so a killed run can be continued and ends with the same bytes. Workers are processes of this machine, or those of a
+Dask cluster; they return the bytes of shards, so only the calling machine needs the folder.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ from sensing.simulator.dataset.request import ADDED_SINCE, NOISE_KEY, DataReques
 from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 
-MAX_WORKERS = 1024
-CONNECT_S = 15
+MAX_WORKERS = 1024  # most processes of --workers
+CONNECT_S = 15  # s, timeout of the connection to a Dask scheduler
 Work = tuple[DataRequest, int, list[LoadPath], Path | None]  # request, number of the shard, its paths, stored states
 
 
 def write_dataset(
     request: DataRequest, folder: Path, workers: int = 1, scheduler: str | None = None, stored: Path | None = None
 ) -> int:
-    """Write the shards that are missing.
+    """Write the missing shards.
 
     Args:
-        request: what to make.
-        folder: where; an unfinished set of the same request is completed, and a larger one stays the larger one.
-        workers: processes on this machine.
+        request: options of the data set.
+        folder: folder of the set; an unfinished set of the same request is completed, and a larger one keeps its size.
+        workers: number of processes on this machine.
         scheduler: address of a Dask scheduler to use instead.
         stored: set whose solved states are taken instead of solving them (:mod:`sensing.simulator.dataset.stored`).
 
@@ -91,7 +91,7 @@ def write_dataset(
 
 
 def shard_path(folder: Path, number: int) -> Path:
-    """Where a shard lies."""
+    """Path of a shard's file."""
     return folder / "shards" / f"{number:05d}.npz"
 
 
@@ -105,7 +105,7 @@ def refusals(folder: Path) -> list[str]:
 
 
 def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tuple[int, bytes]]:
-    """Shards as they are finished, in any order."""
+    """(number, bytes) of each shard when it is finished, in any order."""
     workers = min(workers, len(work))
     if scheduler is None and workers <= 1:
         yield from (_job(*each) for each in work)
@@ -158,10 +158,10 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _begin(request: DataRequest, folder: Path) -> int:
-    """Manifest, camera and rest positions of a new folder; check those of an old one; remove what a kill left.
+    """Write manifest, camera and rest positions of a new folder; check those of an old one; remove partial files.
 
     Returns:
-        Number of shards of the whole set: of the larger request, where a set was asked for twice.
+        Number of shards of the complete set: of the larger request, where the set was requested twice.
     """
     wanted = _manifest(request)
     if (folder / "manifest.json").exists():
@@ -179,9 +179,9 @@ def _begin(request: DataRequest, folder: Path) -> int:
         frames = found.get("frames")
         if not isinstance(frames, int):
             raise FileError(f"{folder / 'manifest.json'}: frames={frames!r} is no count: choose an empty folder")
-        if frames > request.frames:  # what is there of the larger set must not pass for all of it
+        if frames > request.frames:  # a part of the larger set must not count as complete
             wanted = _manifest(replace(request, frames=frames))
-    (folder / CARD).unlink(missing_ok=True)  # written anew when the set is whole
+    (folder / CARD).unlink(missing_ok=True)  # written again when the set is complete
     for litter in folder.rglob("*.part"):
         litter.unlink()
     np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(request)))
@@ -192,7 +192,7 @@ def _begin(request: DataRequest, folder: Path) -> int:
 
 
 def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
-    """Refuse to go on with pictures whose noise was numbered otherwise; with seed 0 it is the same by either key."""
+    """Refuse to continue pictures whose noise has another numbering; with seed 0 both numberings agree."""
     if key != NOISE_KEY and request.render != "off" and request.seed != 0:
         raise FileError(
             f"{folder}: holds pictures of another version, with noise_key={key} where this one has {NOISE_KEY} (seed="

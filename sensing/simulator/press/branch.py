@@ -1,7 +1,7 @@
 """Branch switching at an unstable equilibrium: a shell that buckles follows its softest mode (N, mm).
 
 A symmetric press of a thin shell has equilibria past its buckling load that no real shell shows. Newton finds them; the
-negative pivots of their tangent give them away. The configuration is pushed a little along the eigenvector of the
+negative pivots of their tangent reveal them. The configuration is perturbed along the eigenvector of the
 lowest eigenvalue and solved again: with an indefinite tangent the step is shifted until it descends, so it ends in a
 minimum.
 """
@@ -17,8 +17,8 @@ from sensing.simulator.press.step import Iterate, Solution, StepProblem
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.system import factorise_sparse
 
-PUSHES = (0.03, -0.03, 0.15, -0.15)  # of the wall, at the point that moves most
-MODES = 3  # of the eigenvalues nearest to zero, among which the lowest is taken
+PUSHES = (0.03, -0.03, 0.15, -0.15)  # perturbations of the point that moves most, in units of the wall T
+MODES = 3  # eigenvalues nearest to zero that are computed; the lowest of them is taken
 
 
 def softest_mode(problem: StepProblem, here: Iterate) -> tuple[float, Array]:

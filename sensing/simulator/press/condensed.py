@@ -1,8 +1,8 @@
 """Contact condensed on the patch: a stored elastic tangent, and the small dense problem it leaves (N, mm).
 
-With v where the patch would go without contact and C its compliance, the step is the minimum over patch displacement x
-and depth d of 1/2 (x - v)' C^-1 (x - v) + contact energy(x, d) - N d, for a frozen friction bound; the true bound is
-then iterated. The same two phases as level 1, on a few hundred unknowns.
+With v the patch displacement without contact and C the patch's compliance, the step is the minimum over patch
+displacement x and depth d of 1/2 (x - v)' C^-1 (x - v) + contact energy(x, d) - N d, for a frozen friction bound; the
+true bound is then iterated. The same two phases as level 1, on a few hundred unknowns.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.solid.system import Factorisation, factorise
 
 PATCH_MARGIN_MM = 2.5  # faces nearer to the body than this belong to the patch
-MAX_ITERATIONS = 40
-TRUE_BELOW = 0.1  # error under which the true friction bound takes over
-LAGGED_AFTER_RISE = 2
+MAX_ITERATIONS = 40  # Newton iterations of one condensed step
+TRUE_BELOW = 0.1  # relative error under which the true friction bound replaces the lagged one
+LAGGED_AFTER_RISE = 2  # lagged iterations after a true one that did not halve the error
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,17 @@ class StoredTangent:
     """An elastic tangent and the patch condensed on it.
 
     Attributes:
-        depth_mm, shift_mm, normal_n, displacement: the state at which it was taken.
+        depth_mm, shift_mm, normal_n, displacement: the state at which the tangent was taken.
         factor: factorisation of K0.
         surface: contact quadrature of the patch faces, nodes numbered within the patch.
-        faces: their numbers on the whole surface.
+        faces: their numbers on the outer surface.
         nodes: node numbers of the patch (s,).
-        live: which of the 3 s patch degrees of freedom are free.
-        rows: their unknowns.
+        live: free degrees of freedom among the 3 s of the patch.
+        rows: numbers of their unknowns.
         places: position of every face's degrees of freedom among the live ones, len(live) where fixed (faces, 27).
         response: K0^-1 P' (unknowns, live).
         compliance: P K0^-1 P' (live, live), mm/N.
-        stiffness: its inverse.
+        stiffness: inverse of ``compliance``, N/mm.
     """
 
     depth_mm: float
@@ -84,13 +84,13 @@ class _Point:
 
 
 class CondensedStep:
-    """The dense problem of one step: compliance of ``inverse``, contact of ``problem``.
+    """The dense problem of one step: compliance from ``inverse``, contact from ``problem``.
 
     Args:
-        problem: the step.
+        problem: the step of the press.
         inverse: compliance and stiffness of the patch.
-        last_shift_mm: tangential travel of the body at the last state, along (meridian, lateral).
-        converged: error, relative, under which :meth:`solve` is done.
+        last_shift_mm: tangential travel of the body at the last state, along (meridian, lateral), mm.
+        converged: relative error under which :meth:`solve` stops.
     """
 
     def __init__(
@@ -111,10 +111,10 @@ class CondensedStep:
         """Patch equilibrium.
 
         Args:
-            plain: unknowns without contact, v over the whole solid (unknowns,).
-            patch: guess of the patch displacement (s, 3).
-            depth_mm: guess of the depth, or the given one.
-            first: the guess belongs to the last state, before the body's tangential travel.
+            plain: unknowns without contact, v over the whole solid (unknowns,), mm.
+            patch: first guess of the patch displacement (s, 3), mm.
+            depth_mm: first guess of the depth, or the given depth, mm.
+            first: whether the guess belongs to the last state, before the body's tangential travel.
 
         Returns:
             Contact forces (live,), patch displacement (s, 3), depth and slope dN/dd; None where it does not converge.
@@ -190,9 +190,9 @@ class CondensedStep:
         """
         problem, tangent = self.problem, self.tangent
         active = np.flatnonzero((contact.pressure > 0).any(axis=1))
-        if not len(active):  # without contact, the solid alone determines the patch
+        if not len(active):  # without contact the solid alone determines the patch
             return -wrong, 0.0 if problem.normal_n is None else float("nan"), 0.0
-        loaded = np.unique(tangent.places[active])  # among the live unknowns; fixed ones are last, and dropped
+        loaded = np.unique(tangent.places[active])  # among the live unknowns; fixed ones are last and are dropped
         loaded = loaded[loaded < len(tangent.live)]
         place = np.full(len(tangent.live) + 1, -1)
         place[loaded] = np.arange(len(loaded))

@@ -6,12 +6,12 @@ With H about the inverse of the elastic tangent, the step solves by the fixed-po
 
 where the contact equation, P u = v + C f(P u), C = P H P', is a small dense Newton, exact in every pass. H is a stored
 inverse that learns from every pass (:class:`sensing.simulator.press.secant.SecantInverse`); since r has no contact in
-it, what one step teaches holds for the next. Nothing is left out: the fixed point is the level 1 equilibrium, and only
+it, the updates of one step hold for the next. Nothing is left out: the fixed point is the level 1 equilibrium, and only
 the tolerance differs. A step whose error does not fall, or whose contact leaves the patch, is solved by level 1, which
-also gives a new tangent. Level 1 keeps the sole right to refuse a step.
+also gives a new tangent. Only level 1 refuses a step.
 
 With rate effects every step has a solid of its own, a few percent stiffer and prestressed. Tangents stored on one serve
-the others: r is always that of the step, and what H misses by that is learned like the rest.
+the others: r is always that of the step, and the secant updates correct the error of H.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from sensing.simulator.press.step import UNKNOWN_PIVOTS, Iterate, Solution
 from sensing.simulator.press.validity import has_passed
 from sensing.simulator.solid.shell import ShellModel
 
-CONTACT_SHARE = 1e-2  # of the tolerance, to which each pass solves its contact
-TOLERANCE = 1e-3  # residual over contact force; the report measures what it costs in marker error
-MAX_PASSES = 14
-RENEW_AFTER = 11  # passes after which a step earns a new tangent
-MAX_TANGENTS = 16
-STIFFNESS_N_MM = 4.0  # turns newtons into millimetres where the nearest tangent is looked for (E)
+CONTACT_SHARE = 1e-2  # tolerance of the contact problem of each pass over that of the step
+TOLERANCE = 1e-3  # residual over contact force; the verification report measures the marker error that it causes
+MAX_PASSES = 14  # passes after which level 1 solves the step
+RENEW_AFTER = 11  # passes after which a new tangent is stored
+MAX_TANGENTS = 16  # stored tangents of a press
+STIFFNESS_N_MM = 4.0  # E: weight of forces against depths where the nearest tangent is looked for
 
 
 class FrozenPress:
-    """Level 2 on top of a level 1 press; counts what it did in ``fast_steps`` and ``fallbacks``.
+    """Level 2 on top of a level 1 press; ``fast_steps`` and ``fallbacks`` count the steps of either level.
 
     Args:
-        press: level 1.
+        press: the level 1 press.
         tolerance: residual over contact force.
-        tangents: stored ones, added to on the way; None for an empty list.
+        tangents: list of stored tangents, which grows; None for an empty one.
     """
 
     def __init__(self, press: Press, tolerance: float = TOLERANCE, tangents: list[StoredTangent] | None = None) -> None:
@@ -53,7 +53,7 @@ class FrozenPress:
         self._inverses: dict[int, SecantInverse] = {}
 
     def start(self) -> State:
-        """The undeformed shell (:meth:`sensing.simulator.press.press.Press.start`); forgets earlier paths."""
+        """The undeformed shell (:meth:`sensing.simulator.press.press.Press.start`); drops the secant updates."""
         self._inverses = {}
         return self.press.start()
 
@@ -125,7 +125,7 @@ class FrozenPress:
                 end = newton.evaluate(problem, field, depth)
                 if end.error < self.tolerance:
                     return self.press.accept(state, target, Solution(end, UNKNOWN_PIVOTS, slope, count), level=2)
-                if renew:  # contact outside the patch: condense it anew where it is now, and go on from there
+                if renew:  # contact outside the patch: condense it again at the present state and continue from there
                     return self._fast(state, target, self._store(problem.model, end, target), renew=False)
                 return None
             solved = inverse.learn(after - free, force_after - force, solved, inverse.solve(force_after), force_after)

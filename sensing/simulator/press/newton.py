@@ -22,20 +22,20 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.system import Factorisation, Solid, factorise, factorise_sparse, nodal_sum
 
 TOLERANCE = 1e-9  # residual over contact force
-FLOOR_N = 1.0  # contact force below which the residual counts in absolute terms
-FLOOR_PER_BULK_MM2 = 1.5e-3  # the same over the largest bulk modulus: ten times the round-off of its forces
-MAX_ITERATIONS = 40
+FLOOR_N = 1.0  # N, contact force below which the residual counts in absolute terms
+FLOOR_PER_BULK_MM2 = 1.5e-3  # mm2, the same over the largest bulk modulus: ten times the round-off of its forces
+MAX_ITERATIONS = 40  # iterations of both phases
 TRUE_BELOW = 0.05  # relative residual under which the true friction bound takes over
-LAGGED_AFTER_FAILURE = 3
-MAX_SHIFTS = 12
-ARMIJO = 1e-4
+LAGGED_AFTER_FAILURE = 3  # lagged iterations after a line search that failed with the true bound
+MAX_SHIFTS = 12  # largest number of diagonal shifts of an indefinite tangent, each four times the last
+ARMIJO = 1e-4  # fraction of the linear decrease of the potential that a line search requires (Armijo's condition)
 
 
 @dataclass(frozen=True)
 class _Direction:
-    change: Array  # (n, 3)
+    change: Array  # (n, 3), mm
     depth_mm: float
-    slope: float  # of the potential
+    slope: float  # derivative of the potential along the direction, mJ
     negative: int
     stiffness: float
 
@@ -51,9 +51,9 @@ def evaluate(
 
     Args:
         problem: the step.
-        displacement: nodal (n, 3), mm.
-        depth_mm: of the body.
-        bound, fraction: see :func:`sensing.simulator.contact.friction.respond`.
+        displacement: nodal displacement (n, 3), mm.
+        depth_mm: depth of the body, mm.
+        bound, fraction: ``bound`` and ``contact_fraction`` of :func:`sensing.simulator.contact.friction.respond`.
     """
     model = problem.model
     energy, internal = model.solid.energy_and_force(displacement)
@@ -77,11 +77,11 @@ def solve(problem: StepProblem, displacement: Array, depth_mm: float) -> Solutio
 
     Args:
         problem: the step.
-        displacement: nodal (n, 3) of the first guess, mm.
-        depth_mm: of the first guess.
+        displacement: first guess of the nodal displacement (n, 3), mm.
+        depth_mm: first guess of the depth, mm.
 
     Raises:
-        Refusal: ``unconverged`` or ``unstable``, with the residual and where it stopped.
+        Refusal: ``unconverged`` or ``unstable``, with the residual and the depth at which the iteration stopped.
     """
     here = evaluate(problem, displacement, depth_mm)
     negative, stiffness, lagged_left = -1, float("nan"), 1
@@ -114,10 +114,10 @@ def predict(problem: StepProblem, displacement: Array, depth_mm: float, travel: 
     Args:
         problem: the step; its ``shift_mm`` must still be that of the converged state.
         displacement, depth_mm: the converged state, in contact.
-        travel: translation of the body over the step, without the depth where the force is given (mm).
+        travel: (3,) translation of the body over the step, mm, without the depth where the force is given.
 
     Returns:
-        Displacement (n, 3) and depth after the linear step (the caller adds a given depth's travel itself).
+        Displacement (n, 3) and depth after the linear step; where the depth is given, the caller adds its change.
     """
     here = evaluate(problem, displacement, depth_mm, problem.friction * problem.contact(
         displacement, depth_mm, None, None).pressure if problem.friction > 0 else None)  # fmt: skip
@@ -158,7 +158,7 @@ def _lagged_iteration(problem: StepProblem, here: Iterate) -> tuple[Iterate, int
         )  # fmt: skip
         round_off = 1e-12 * abs(frozen.potential)
         enough = trial.potential <= frozen.potential + ARMIJO * step * direction.slope + round_off
-        if enough or trial.error < max(0.5 * frozen.error, TOLERANCE):  # in balance: energies differ by rounding only
+        if enough or trial.error < max(0.5 * frozen.error, TOLERANCE):  # here energies differ by rounding only
             break
         step /= 2
     else:
@@ -222,7 +222,7 @@ def border(problem: StepProblem, contact: ContactResponse) -> tuple[Array, Array
 
 
 def _positive(solid: Solid, blocks: Array) -> tuple[Factorisation, int]:
-    """Factors of the tangent, shifted along its diagonal until it is positive; and its own negative pivots."""
+    """Factors of the tangent, shifted along its diagonal until it is positive; negative pivots before the shift."""
     factor = factorise(solid, blocks)
     negative = factor.negative
     if negative == 0:

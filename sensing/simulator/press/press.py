@@ -4,10 +4,10 @@
     press = Press(model, Indenter(tilt_deg=30), friction=0.5)
     state = press.advance(press.start(), Target(normal_n=20))
 
-A step that fails is halved; one that fails at its smallest is refused with its reason. Nothing else is answered.
+A step that fails is halved; one that fails at the smallest size is refused with its reason, so no state is approximate.
 
-With a Prony series (``Press(..., prony=silicone().prony_series())``) targets say when they are reached, and each step
-is solved on the elastic solid that it amounts to (:mod:`sensing.simulator.solid.rate_effects`).
+With a Prony series (``Press(..., prony=silicone().prony_series())``) targets state when they are reached, and each step
+is solved on an equivalent elastic solid (:mod:`sensing.simulator.solid.rate_effects`).
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from sensing.simulator.solid import rate_effects as viscous
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell import ShellModel
 
-MAX_HALVINGS = 6
-MAX_DEPTH_RATIO = 0.6  # of R: the contact law has no self-contact of the inner surface
-MAX_FRICTION = 5.0
-FIRST_TOUCH_MM = 1e-3
-WRENCH_FLOOR_N = 1e-3  # load below which the wrench gap counts in absolute terms
+MAX_HALVINGS = 6  # halvings of a step before it is refused
+MAX_DEPTH_RATIO = 0.6  # of R: self-contact of the inner surface is not modelled beyond it
+MAX_FRICTION = 5.0  # largest Coulomb coefficient that is accepted
+FIRST_TOUCH_MM = 1e-3  # mm, first depth under a given force, and gap of a body that is lifted
+WRENCH_FLOOR_N = 1e-3  # N, load below which the wrench gap counts in absolute terms
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where a step ends: a normal force or a depth (exactly one), and the body's tangential travel or force.
+    """End of a step: a normal force or a depth (exactly one), and the body's tangential travel or force.
 
     Attributes:
-        normal_n: force along the inward normal at first touch (N), or None.
-        depth_mm: approach from first touch, or None.
+        normal_n: force along the inward normal at first touch, N, or None.
+        depth_mm: approach from first touch, mm, or None.
         shift_mm: tangential travel along (meridian, lateral), mm; ignored where ``tangential_n`` is given.
         tangential_n: tangential force on the shell along (meridian, lateral), N, or None. Only
             :mod:`sensing.simulator.levels` takes such a target.
-        time_s: when it is reached, on the path's clock (s); rate effects need it, nothing else reads it.
+        time_s: time at which it is reached, on the path's clock (s); only rate effects use it.
     """
 
     normal_n: float | None = None
@@ -58,7 +58,7 @@ class Press:
 
     Args:
         model: the shell.
-        indenter: the body.
+        indenter: the body that presses.
         friction: Coulomb's mu, 0..5.
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
 
@@ -118,21 +118,21 @@ class Press:
         return self.within_reach(replace(here, certificate=certificate))
 
     def problem(self, state: State, target: Target) -> StepProblem:
-        """The step from a state to a target, ready for :func:`sensing.simulator.press.newton.solve`."""
+        """The step from a state to a target, for :func:`sensing.simulator.press.newton.solve`."""
         return StepProblem(
             self.step_model(state, target), self.body, self.frame, self.friction, state.memory, target.shift_mm,
             target.normal_n,
         )  # fmt: skip
 
     def step_model(self, state: State, target: Target) -> ShellModel:
-        """The shell as a step meets it: with rate effects an elastic one that serves this step alone."""
+        """The shell model of a step: with rate effects an elastic one that is valid for this step alone."""
         if state.history is None or target.time_s is None:
             return self.model
         solid = viscous.step_solid(self.model.solid, state.history, self.prony, target.time_s - state.time_s)
         return replace(self.model, solid=solid)
 
     def first_guess(self, state: State, target: Target) -> tuple[Array, float]:
-        """Displacement and depth to start a step from: the tangent's prediction where there is contact already."""
+        """Displacement and depth from which a step starts: the tangent's prediction where there is contact already."""
         if state.contact is None or not (state.contact.pressure > 0).any():
             return state.displacement, self._first_depth(state, target)
         given = target.depth_mm is not None
@@ -158,11 +158,11 @@ class Press:
         """State and certificate of a converged step.
 
         Args:
-            state: where the step began.
-            target: where it ended.
-            solution: of the step, converged.
-            level: that solved it.
-            switched: the shell buckled within the step.
+            state: state at which the step began.
+            target: target at which the step ended.
+            solution: converged solution of the step.
+            level: level that solved it.
+            switched: whether the shell buckled within the step.
         """
         here = solution.iterate
         position = self.model.solid.mesh.points + here.displacement
@@ -199,7 +199,7 @@ class Press:
         )
 
     def within_reach(self, state: State) -> State:
-        """The state itself, where the model covers it (:mod:`sensing.simulator.press.validity`).
+        """The state itself, if the model covers it (:mod:`sensing.simulator.press.validity`).
 
         Raises:
             Refusal: ``mesh`` or ``range``.
@@ -216,12 +216,12 @@ class Press:
         displacement, depth = self.first_guess(state, target)
         if target.normal_n is not None:
             apart = float(problem.contact(displacement, depth, None, None).gap.min())
-            if apart >= 0:  # between Gauss points: the body comes to the nearest one
+            if apart >= 0:  # the body lies between Gauss points: move it to the nearest one
                 depth += apart + FIRST_TOUCH_MM
         try:
             solution = newton.solve(problem, displacement, depth)
         except Refusal:
-            self._require_measured(problem, displacement, depth)  # the better reason, where it applies
+            self._require_measured(problem, displacement, depth)  # it gives a better reason, where it applies
             raise
         stable = solution if solution.negative_pivots == 0 else branch.leave(problem, solution)
         if stable is None:
@@ -244,7 +244,7 @@ class Press:
         validity.require_measured(self.indenter, depth_mm, reach - measured)
 
     def check(self, state: State, target: Target) -> None:
-        """Refuse a target that the model does not cover, or not from this state."""
+        """Refuse a target that the model does not cover, or cannot reach from this state."""
         if (target.normal_n is None) == (target.depth_mm is None):
             raise Refusal("path", f"{target} must give exactly one of normal_n and depth_mm")
         if target.tangential_n is not None:
@@ -268,12 +268,12 @@ class Press:
 
 
 def lifted(target: Target) -> Target:
-    """The target itself, or, at zero force, the body lifted clear: without load nothing ties the depth."""
+    """The target itself; at zero force, a depth at which the body is apart, because no load determines the depth."""
     return replace(target, normal_n=None, depth_mm=-FIRST_TOUCH_MM) if target.normal_n == 0 else target
 
 
 def _between(state: State, target: Target, share: float) -> Target:
-    """Target at a share of the way, in the target's own control."""
+    """Target at a share (0..1) of the way, controlled by force or depth as the target is."""
     shift = tuple((1 - share) * a + share * b for a, b in zip(state.shift_mm, target.shift_mm, strict=True))
     time_s = None if target.time_s is None else (1 - share) * state.time_s + share * target.time_s
     here = Target(shift_mm=(shift[0], shift[1]), time_s=time_s)

@@ -1,7 +1,7 @@
 """The inverse of the elastic tangent along a path: a stored inverse with secant updates from the passes since (N, mm).
 
-Symmetric rank-one updates (Conn, Gould, Toint 1991, doi:10.1007/BF01594934): a pass that moved by s and found the
-internal force changed by y corrects H to H + w w' / (w' y), w = s - H y, so that H y = s. The patch compliance
+Symmetric rank-one updates (Conn, Gould, Toint 1991, doi:10.1007/BF01594934): a pass that moved by s and changed the
+internal force by y corrects H to H + w w' / (w' y), w = s - H y, so that H y = s. The patch compliance
 C = P H P' and its inverse follow by the same rank one. An update that would make C indefinite is left out: the shell is
 stable, so its compliance is positive.
 """
@@ -13,17 +13,17 @@ import numpy as np
 from sensing.simulator.press.condensed import StoredTangent
 from sensing.simulator.solid.element import Array
 
-MAX_UPDATES = 24
-LEAST_COSINE = 1e-6  # between w and y, below which an update is round-off
+MAX_UPDATES = 24  # updates after which a new step begins from the stored inverse
+LEAST_COSINE = 1e-6  # between w and y; an update below it consists of round-off
 
 
 class SecantInverse:
     """H, its patch compliance and stiffness.
 
     Attributes:
-        tangent: what was stored.
+        tangent: the stored tangent.
         compliance: C (live, live), mm/N.
-        stiffness: its inverse.
+        stiffness: inverse of ``compliance``, N/mm.
     """
 
     def __init__(self, tangent: StoredTangent) -> None:
@@ -34,7 +34,7 @@ class SecantInverse:
         self._scales = np.zeros(0)
 
     def solve(self, force: Array) -> Array:
-        """H force (unknowns,)."""
+        """H applied to forces (unknowns,): displacement (unknowns,), mm."""
         found = self.tangent.factor.solve_roughly(force)
         return np.asarray(found + (self._scales * (self._updates @ force)) @ self._updates)
 
@@ -54,7 +54,7 @@ class SecantInverse:
             force_after: (unknowns,) force after the pass.
 
         Returns:
-            H of the force after, with the H just learned.
+            The updated H applied to ``force_after``.
         """
         w = moved - (solved_after - solved)
         along = float(w @ changed)

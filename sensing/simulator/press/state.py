@@ -22,7 +22,7 @@ class Refusal(EndcapError):
 
     Attributes:
         reason: ``path`` (a path that the model does not cover), ``unconverged``, ``unstable`` (no stable equilibrium
-            under this control), ``range`` (past the model's validity), ``mesh`` (too coarse to feel this body).
+            under this control), ``range`` (past the model's validity), ``mesh`` (too coarse to resolve this body).
     """
 
     def __init__(self, reason: str, message: str) -> None:
@@ -32,19 +32,19 @@ class Refusal(EndcapError):
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why a state can be trusted.
+    """Certificate of a state: the measures by which it can be trusted.
 
     Attributes:
         residual: norm of the force imbalance over the norm of the contact forces.
-        wrench_gap: largest difference of contact and clamp wrench, over the load (moments over load times R).
-        penetration_mm: deepest at a Gauss point (gap times pressure is nowhere else violated: penalty contact).
-        reach_mm: deepest anywhere on the surface; what it exceeds ``penetration_mm`` by, no Gauss point sees.
-        cone_excess_mpa: largest excess of friction over mu p.
-        negative_pivots: of the last symmetric tangent; 0 means a stable branch at the controlled depth, -1 unknown.
+        wrench_gap: largest difference of contact and clamp wrench over the load (moments over load times R).
+        penetration_mm: largest at a Gauss point, mm (penalty contact violates no other condition).
+        reach_mm: largest anywhere on the surface, mm; no Gauss point measures its excess over ``penetration_mm``.
+        cone_excess_mpa: largest excess of friction over mu p, MPa.
+        negative_pivots: number in the last symmetric tangent; 0: a stable branch at the controlled depth, -1: unknown.
         force_stiffness_n_mm: slope of normal force by depth; positive means stable under force control too.
         iterations: Newton iterations spent, sub-steps included.
         substeps: sub-steps of the last advance.
-        switched: the shell buckled within it, and the state lies on another branch than the one before.
+        switched: whether the shell buckled within it, so that the state lies on another branch than the one before.
     """
 
     residual: float
@@ -65,18 +65,18 @@ class State:
 
     Attributes:
         displacement: nodal (n, 3), mm.
-        depth_mm: approach of the body from first touch along the inward normal.
-        shift_mm: tangential travel of the body along (meridian, lateral).
-        memory: of friction, for the next step.
+        depth_mm: approach of the body from first touch along the inward normal, mm.
+        shift_mm: tangential travel of the body along (meridian, lateral), mm.
+        memory: state of friction, for the next step.
         contact: response at the Gauss points; None before the first touch.
         wrench: contact wrench on the endcap (6,), N and N mm.
         reaction: the same wrench from the reactions of the clamp (6,), N and N mm.
-        normal_n: normal force along the inward normal at first touch.
-        certificate: see above; None for the start of a path.
-        level: that answered (1 is the full model).
+        normal_n: normal force along the inward normal at first touch, N.
+        certificate: certificate of the state; None for the start of a path.
+        level: level that solved it (1 is the full model).
         error_estimate: expected relative rms error of the markers against level 1; None where the certificate gives it.
-        time_s: when, on the path's clock.
-        history: of the material, for the next step; None without rate effects.
+        time_s: time on the path's clock, s.
+        history: history of the material, for the next step; None without rate effects.
     """
 
     displacement: Array
@@ -103,7 +103,7 @@ class Patch:
         area: reference area of each (k,), mm2.
         pressure: (k,), MPa.
         traction: friction on the shell (k, 3), MPa.
-        slipping: (k,).
+        slipping: (k,) boolean.
     """
 
     position: Array
@@ -114,7 +114,7 @@ class Patch:
 
     @property
     def area_mm2(self) -> float:
-        """Area of the patch on the mesh (half of the shell's on a half model)."""
+        """Area of the patch on the mesh, mm2 (half of the shell's on a half model)."""
         return float(self.area.sum())
 
     def mirrored(self) -> Patch:
@@ -130,7 +130,7 @@ class Patch:
 
     @property
     def slip_share(self) -> float:
-        """Share of the normal force carried by slipping points; 0 without contact."""
+        """Share of the normal force that slipping points carry; 0 without contact."""
         load = self.pressure * self.area
         return float(load[self.slipping].sum() / load.sum()) if len(load) else 0.0
 
@@ -167,6 +167,6 @@ def contact_wrench(model: ShellModel, position: Array, contact: ContactResponse)
 
 
 def reaction_wrench(model: ShellModel, internal: Array) -> Array:
-    """The same wrench from the clamp: the internal forces (n, 3) there, turned into what the body exerts."""
+    """Wrench on the endcap (6,), N and N mm, from the clamp's reactions, for nodal internal forces (n, 3), N."""
     clamp = model.clamped
     return -model.whole_wrench(internal[clamp], model.solid.mesh.points[clamp])

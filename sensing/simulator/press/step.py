@@ -21,9 +21,9 @@ class StepProblem:
         model, body: shell and body.
         frame: columns outward, meridian, lateral (3, 3).
         friction: Coulomb coefficient.
-        memory: of the last accepted state.
-        shift_mm: tangential travel of the body at the end of the step.
-        normal_n: normal force on the whole shell, or None where the depth is given.
+        memory: state of friction after the last accepted step.
+        shift_mm: tangential travel of the body at the end of the step, mm.
+        normal_n: normal force on the whole shell, N, or None where the depth is given.
     """
 
     model: ShellModel
@@ -46,8 +46,8 @@ class StepProblem:
 
         Args:
             displacement: nodal (n, 3), mm.
-            depth_mm: of the body.
-            bound, fraction: (f, g), as of :func:`respond`.
+            depth_mm: depth of the body, mm.
+            bound, fraction: (f, g) ``bound`` and ``contact_fraction`` of :func:`respond`.
         """
         position = self.model.solid.mesh.points + displacement
         moved = translation(self.frame, depth_mm, self.shift_mm)
@@ -60,7 +60,7 @@ class Iterate:
 
     Attributes:
         displacement: nodal (n, 3), mm.
-        depth_mm: of the body.
+        depth_mm: depth of the body, mm.
         contact: response of the contact there.
         internal: internal nodal forces (n, 3), N.
         potential: energy minus the work of the given force, mJ (meaningful for a frozen bound).
@@ -86,9 +86,9 @@ class Solution:
     Attributes:
         iterate: the configuration with its forces.
         force_stiffness_n_mm: dN/dd, N/mm.
-        negative_pivots: of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
+        negative_pivots: those of the last tangent; :data:`UNKNOWN_PIVOTS` where none was factorised.
         iterations: number of Newton iterations.
-        errors: after each Newton iteration, the first guess included; empty at levels 2 and 3.
+        errors: error after each Newton iteration, the first guess included; empty at levels 2 and 3.
     """
 
     iterate: Iterate

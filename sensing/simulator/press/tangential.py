@@ -1,7 +1,7 @@
-"""Tangential force as a target: the body's travel that gives it (N, mm).
+"""Tangential force as a target: solves for the travel of the body that gives it (N, mm).
 
-Levels 1 and 2 move the body; a target force is met by a secant iteration on the travel (Broyden 1965,
-doi:10.1090/S0025-5718-1965-0198670-6). Every trial starts from the same accepted state, so friction sees one straight
+Levels 1 and 2 prescribe the travel; a target force is met by a secant iteration on it (Broyden 1965,
+doi:10.1090/S0025-5718-1965-0198670-6). Every trial starts from the same accepted state, so friction has one straight
 travel. Inside the cone the force rises with the travel until the patch slips as a whole; a target at the cone's edge
 has no unique travel and is refused.
 """
@@ -17,9 +17,9 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.solid.element import Array
 
-MAX_CONE_SHARE = 0.97  # of mu N: nearer to gross slip the travel is hardly determined
-TOLERANCE = 2e-3  # of the normal force
-MAX_TRIALS = 12
+MAX_CONE_SHARE = 0.97  # of mu N: nearer to gross slip the force hardly determines the travel
+TOLERANCE = 2e-3  # relative to the normal force
+MAX_TRIALS = 12  # iterations on the travel
 FIRST_STIFFNESS = 0.6  # tangential over normal stiffness of the dome (E): only the first trial uses it
 MAX_TRAVEL_MM = 6.0  # of one trial against the last
 
@@ -38,9 +38,9 @@ def reach(
     Args:
         advance: step of a level to a target given by travel.
         state, target: start and end of the step.
-        frame: of the body.
+        frame: contact frame of the body (3, 3).
         friction: Coulomb coefficient.
-        half: only the meridian may move.
+        half: whether only travel along the meridian is possible.
 
     Raises:
         Refusal: ``range`` outside the friction cone, ``path`` off the mirror plane or without a normal force,

@@ -1,8 +1,8 @@
 """Validity of a converged state: the body outside the shell, on enough Gauss points, away from the rim.
 
-A residual of zero does not say so. A small body that a step moves by more than its radius can stand beyond the surface,
-where it presses nothing or presses outward; the force of one between two points of contact is too low; one on the
-bonded rim presses what the model holds fixed, and the base that it would meet there is not modelled.
+A residual of zero does not imply validity. A small body that a step moves by more than its radius can lie beyond the
+surface, where it presses nothing or presses outward; between two Gauss points of contact its force is too low; on the
+bonded rim it presses nodes that the model holds fixed, and the base that it would meet there is not modelled.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from sensing.simulator.solid.element import face_rule, shape_quad
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.shell import ShellModel
 
-MOST_N = 10_000.0  # E: above what any shell bears within the depths that are modelled
-MOST_TRAVEL = 2.0  # of R: a plane has slid long before and its state no longer changes; another body has left the dome
-MAX_REACH = 0.15  # of depth or radius, missed between the Gauss points: about what the force is then wrong by
-REACH_FLOOR_MM = 0.1  # a plane's first touch lies between Gauss points, too, by at most a third of this
-MAX_RIM_SHARE = 0.01  # of the contact's force, on nodes that the clamp holds
-STRIDE = 0.5  # of a body's radius: so far it comes in one step at most, so that its middle stays outside
-_, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])
+MOST_N = 10_000.0  # E: N, more than any shell bears within the depths that are modelled
+MOST_TRAVEL = 2.0  # of R: by then a plane slides and its state no longer changes; another body has left the dome
+MAX_REACH = 0.15  # of depth or radius: reach between Gauss points; about the relative error of the force
+REACH_FLOOR_MM = 0.1  # the first touch of a plane lies between Gauss points, too, by at most a third of this
+MAX_RIM_SHARE = 0.01  # of the contact force, on nodes that the clamp holds
+STRIDE = 0.5  # of a body's radius: its largest step, so that its centre stays outside the shell
+_, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])  # (g, 9, 2) local gradients at the Gauss points
 
 
 def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[float, float]) -> None:
-    """Refuse at once a press that could only be refused after minutes.
+    """Refuse a press at once that the solver would refuse after minutes.
 
     Args:
-        geometry: of the shell.
-        normal_n: force, N.
-        shift_mm: tangential travel along (meridian, lateral).
+        geometry: geometry of the shell.
+        normal_n: normal force, N.
+        shift_mm: tangential travel along (meridian, lateral), mm.
 
     Raises:
-        Refusal: ``range``.
+        Refusal: ``range`` for a force or travel beyond the limits.
     """
     if not normal_n <= MOST_N:
         limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
@@ -49,12 +49,12 @@ def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:
-    """Share of the way to a depth that the first step takes: a sphere or edge comes by :data:`STRIDE` radii at most.
+    """Share of the way to a depth that the first step takes: at most :data:`STRIDE` radii for a sphere or edge.
 
     Args:
         indenter: the body.
-        state: where it begins.
-        depth_mm: where it goes; None under a given force.
+        state: state at which the step begins.
+        depth_mm: depth at its end, mm; None under a given force.
     """
     if depth_mm is None or indenter.kind not in ("sphere", "edge"):
         return 1.0
@@ -63,9 +63,9 @@ def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> flo
 
 
 def has_passed(model: ShellModel, state: State) -> bool:
-    """Whether the body's middle lies on the inner side of the surface.
+    """Whether the body's centre lies on the inner side of the surface.
 
-    At the place that is nearest to the body, the body's outward normal points into the shell as long as it is outside.
+    At the place nearest to the body, the body's outward normal points into the shell as long as the body is outside.
     """
     assert state.contact is not None
     face, point = np.unravel_index(int(state.contact.gap.argmin()), state.contact.gap.shape)
@@ -81,7 +81,7 @@ def require_outside(model: ShellModel, state: State) -> None:
     """Refuse a state whose body has passed through the surface.
 
     Raises:
-        Refusal: ``mesh``; shorter steps may lead there.
+        Refusal: ``mesh``; shorter steps may reach a valid state.
     """
     if has_passed(model, state):
         raise Refusal(
@@ -92,12 +92,12 @@ def require_outside(model: ShellModel, state: State) -> None:
 
 
 def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
-    """The state itself.
+    """The state itself, if it is valid.
 
     Args:
         model: the shell.
         indenter: the body.
-        state: converged.
+        state: a converged state.
 
     Raises:
         Refusal: ``mesh`` where the body reaches between the Gauss points of contact, so that the force is too low;
@@ -117,15 +117,15 @@ def require_valid(model: ShellModel, indenter: Indenter, state: State) -> State:
 
 
 def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> None:
-    """Refuse a body that reaches too far between the points of contact.
+    """Refuse a body whose reach between the Gauss points of contact is too large.
 
     Args:
         indenter: the body.
-        depth_mm: its approach.
-        missed_mm: how much deeper it reaches than at any Gauss point.
+        depth_mm: its approach, mm.
+        missed_mm: its reach beyond that at any Gauss point, mm.
 
     Raises:
-        Refusal: ``mesh``.
+        Refusal: ``mesh`` where the reach is over the limit.
     """
     blunt = indenter.radius_mm if indenter.kind != "plane" else np.inf
     limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(depth_mm, 0.0), blunt))
@@ -139,7 +139,7 @@ def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> N
 
 
 def rim_share(model: ShellModel, state: State) -> float:
-    """Force of the contact on clamped nodes over the whole force; 0 without contact."""
+    """Share of the contact force that acts on clamped nodes; 0 without contact."""
     assert state.contact is not None
     force = state.contact.force
     whole = float(np.linalg.norm(force.sum(axis=(0, 1))))

@@ -1,4 +1,4 @@
-"""The protocols by name: which loading paths a data set is made of."""
+"""The protocols by name; each is a function from (seed, number, azimuths) to a loading path."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from sensing.simulator.protocols.robot import robot_path
 from sensing.simulator.protocols.static import static_path
 from sensing.simulator.protocols.wide import steep_path, wide_path
 
+# (seed, number, azimuths) -> loading path
 PROTOCOLS: dict[str, Callable[[int, int, int], LoadPath]] = {
     "static": static_path,
     "dynamic": dynamic_path,
@@ -25,9 +26,9 @@ def load_path(protocol: str, seed: int, number: int, azimuths: int) -> LoadPath:
 
     Args:
         protocol: a name in :data:`PROTOCOLS`.
-        seed: of the data set.
-        number: of the path.
-        azimuths: how many azimuths are labelled from it.
+        seed: seed of the data set.
+        number: number of the path.
+        azimuths: number of azimuths that are labelled.
 
     Raises:
         ParameterError: unknown protocol; the message lists the known ones.

@@ -3,7 +3,7 @@
 The body moves on a time law; a frame ends its exposure every 1/30 s (P) and the picture is smeared over the exposure.
 Mechanics are quasi-static: the shell's inertia is left out (its own frequency, some 40 Hz at 0.06 kg and 4 N/mm, is
 above all motions here but the shortest impacts, E). Stick-slip is that of the drive, whose slide moves in jerks
-(half-period pi sqrt(m / k)); friction between shell and plane keeps one coefficient.
+(half-period pi sqrt(m / k)); friction between shell and plane has one coefficient.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import FRAME_S, LoadPath, Waypoint
 from sensing.simulator.protocols.static import FRICTION_RANGE
 
-TILT_RANGE_DEG = (5.0, 55.0)
-FORCE_RANGE_N = (5.0, 30.0)
+TILT_RANGE_DEG = (5.0, 55.0)  # tilt of the plane
+FORCE_RANGE_N = (5.0, 30.0)  # normal force
 EXPOSURE_RANGE_S = (1 / 250, 1 / 40)  # E: a lit dome at 30 frames a second
-LATENCY_RANGE_S = (0.02, 0.07)  # E: USB camera, JPEG, processing; the paper pairs within 0.05 s
-SPEED_RANGE_MM_S = (8.0, 60.0)
-MAX_TRAVEL_MM = 1.0  # between solved states, so that friction sees the curve
-FRAMES = 24
+LATENCY_RANGE_S = (0.02, 0.07)  # E: USB camera, JPEG, processing; the paper pairs frames and wrenches within 0.05 s
+SPEED_RANGE_MM_S = (8.0, 60.0)  # of circles
+MAX_TRAVEL_MM = 1.0  # between solved states, so that friction follows the curve
+FRAMES = 24  # frames of a motion
 LANDED_S = 3600.0  # E: the endcap has stood on the plane for so long when a motion starts, and has relaxed
 Law = Callable[[float], Target]
 Motion = tuple[float, list[Waypoint]]  # when the shell was last untouched and at rest; its frames
@@ -34,9 +34,9 @@ def dynamic_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One motion; circle, stick-slip and impact in turn.
 
     Args:
-        seed: of the data set.
-        number: of the path.
-        azimuths: how many azimuths (any, uniform) are labelled from it.
+        seed: seed of the data set.
+        number: number of the path.
+        azimuths: number of azimuths (any, uniform) that are labelled.
     """
     rng = np.random.default_rng([seed, number, 1])
     tilt, friction = float(rng.uniform(*TILT_RANGE_DEG)), float(rng.uniform(*FRICTION_RANGE))
@@ -82,19 +82,19 @@ def _impact(rng: np.random.Generator, exposure_s: float) -> Motion:
         count, late = divmod(time_s + start, length + gap)
         height = depth * bounce**count
         here = height * math.sin(math.pi * late / length) if late < length else -1.0
-        travel = slide * min(late, length)  # along the meridian while it lasts
+        travel = slide * min(late, length)  # along the meridian, as long as the slide moves
         return Target(depth_mm=here, shift_mm=(travel, 0.0))
 
     return -start, _moving("impact", law, 0.0, exposure_s)
 
 
 def _landing(force_n: float) -> list[Waypoint]:
-    """At rest on the plane before the motion starts; times count from then."""
+    """Waypoint at rest on the plane before the motion starts; times count from its end."""
     return [Waypoint("approach", None, 2.0), Waypoint("load", Target(normal_n=force_n, time_s=0.0))]
 
 
 def _moving(phase: str, law: Law, speed_mm_s: float, exposure_s: float) -> list[Waypoint]:
-    """Frames of a motion, with enough states between them."""
+    """Frames of a motion, with enough solved states between them."""
 
     def at(time_s: float) -> Target:
         return replace(law(time_s), time_s=time_s)

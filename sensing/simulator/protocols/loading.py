@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from sensing.simulator.press.press import Target
 
+# Phases of a path, as the column ``phase`` names them.
 PHASES = ("approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne")
 FRAME_S = 1 / 30  # P, CAM02: 30 frames a second
 
@@ -16,11 +17,11 @@ class Waypoint:
 
     Attributes:
         phase: one of :data:`PHASES`.
-        target: where body and shell are when the exposure ends; None while they are apart.
-        apart_mm: distance to first touch while apart.
-        time_s: end of the exposure, from the path's start.
-        begins: target when the exposure began; None for a state at rest.
-        via: targets passed since the last waypoint, without a picture.
+        target: target at the end of the exposure; None while body and shell are apart.
+        apart_mm: distance to first touch while they are apart, mm.
+        time_s: end of the exposure, s, from the path's start.
+        begins: target at the beginning of the exposure; None for a state at rest.
+        via: targets between the last waypoint and this one, without a picture.
     """
 
     phase: str
@@ -36,17 +37,17 @@ class LoadPath:
     """One loading path from the untouched shell, reproducible from ``(seed, number)``.
 
     Attributes:
-        number: identity; training and test sets must never share it.
-        tilt_deg, friction: of the plane.
+        number: identity of the path; training and test sets must never share it.
+        tilt_deg, friction: tilt, degrees, and Coulomb coefficient of the plane.
         azimuths_deg: azimuths for which the solved states are labelled (rotations of one solution).
         waypoints: frames in order.
-        exposure_s: of the camera; 0 for states at rest.
-        latency_s: from mid-exposure to publication.
-        scene, endcap: of a robot, -1 without.
-        T_world_sphere: that endcap's rotation and its sphere's centre, heights from the lowest endcap's centre (4 x 4,
-            row by row); empty without a robot.
-        began_s: when the untouched shell was last at rest, for rate effects; None where states are at rest, and no time
-            passes between them.
+        exposure_s: exposure of the camera, s; 0 for states at rest.
+        latency_s: time from mid-exposure to publication, s.
+        scene, endcap: numbers of a robot's scene and endcap; -1 without a robot.
+        T_world_sphere: rotation of that endcap and centre of its sphere, with heights from the lowest endcap's centre
+            (4 x 4, row by row), mm; empty without a robot.
+        began_s: time at which the untouched shell was last at rest, s, for rate effects; None where all states are at
+            rest, and no time passes between them.
     """
 
     number: int

@@ -1,7 +1,7 @@
 """``robot`` protocol: six endcaps of a three-bar robot that is lowered onto 0, 1, 2 or 3 of them (N, mm, s).
 
-A scene is six paths, one for each endcap, in step: at every frame the forces on all endcaps and the ropes add up to
-the weight. ``azimuths`` does not apply: every endcap stands as the robot does.
+A scene is six paths, one for each endcap, with common frames: at every frame the forces on all endcaps and the ropes
+balance the weight. ``azimuths`` does not apply: the attitude of the robot determines that of every endcap.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from sensing.simulator.protocols.static import FRICTION_RANGE
 from sensing.simulator.robot.statics import Stand, random_stand
 from sensing.simulator.solid.surface import turn_about_axis
 
-ENDCAPS = 6
-SHARES = (0.2, 0.45, 0.7, 1.0, 1.0)  # of the load while the ropes let go
-LOWERED_MM = (20.0, 5.0)
+ENDCAPS = 6  # of the robot
+SHARES = (0.2, 0.45, 0.7, 1.0, 1.0)  # of the load that an endcap carries, while the ropes are slackened
+LOWERED_MM = (20.0, 5.0)  # heights above the ground while the robot is lowered
 
 
 def robot_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One endcap of a scene; the number of contacts is 0, 1, 2, 3 in turn.
 
     Args:
-        seed: of the data set.
-        number: of the path, six times the scene plus the endcap.
-        azimuths: not used; every endcap stands as the robot does.
+        seed: seed of the data set.
+        number: number of the path: six times the scene plus the endcap.
+        azimuths: not used; the attitude of the robot determines that of every endcap.
     """
     scene, endcap = divmod(number, ENDCAPS)
     stand, friction = scene_stand(seed, scene)
@@ -51,7 +51,7 @@ def robot_path(seed: int, number: int, azimuths: int) -> LoadPath:
         ]
     else:
         points += [Waypoint("airborne", None, float(stand.centre_mm[endcap, 2]))] * len(SHARES)
-        tilt = min(tilt, 90.0)  # of no meaning in the air
+        tilt = min(tilt, 90.0)  # has no meaning in the air
     flat = tuple(float(value) for value in pose.ravel())
     return LoadPath(number, tilt, friction, (azimuth,), timed(points), scene=scene, endcap=endcap, T_world_sphere=flat)
 

@@ -1,4 +1,4 @@
-"""A loading path that is given for D=130 T=8 in Smooth-Sil 950, on another shell: the same path in its own units."""
+"""Scales a loading path for D=130 T=8 in Smooth-Sil 950 to another shell."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sensing.simulator.similarity.ratios import LoadScale
 
 
 def scaled(path: LoadPath, scale: LoadScale) -> LoadPath:
-    """The path on another shell: forces, travel and depths in proportion; times, tilt and friction as they are."""
+    """The path on another shell: forces, travel and depths in proportion; times, tilt and friction unchanged."""
     points = tuple(
         replace(
             point,

@@ -1,8 +1,8 @@
 """``static`` protocol: the motion of the authors' robot arm (N, mm, s, degrees).
 
 Facts.md, "protocol": tilts 10 to 50 degrees in steps of 10, a sequence of normal-force set-points up to 5..35 N, then a
-circle drawn on the plane, with the approach, the light touch and the unloading of each trial. The paper says only that
-low to moderate forces dominate; how many states each phase gets is ours (E).
+circle drawn on the plane, with the approach, the light touch and the unloading of each trial. The paper states only
+that low to moderate forces dominate; how many states each phase gets is ours (E).
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 
 TILTS_DEG = (10.0, 20.0, 30.0, 40.0, 50.0)  # P, NET20
-FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # P, NET22
+FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # E: Coulomb coefficient, dusty to clean silicone on plastic
 FRICTION_RANGE = (0.3, 1.0)  # E: dusty to clean silicone on plastic
-CIRCLE_RADIUS_MM = (0.5, 4.0)  # E
-CIRCLE_STATES = 12
+CIRCLE_RADIUS_MM = (0.5, 4.0)  # E: travel of the circle
+CIRCLE_STATES = 12  # states on the circle
 PATHS_PER_TILT = 3  # neighbours share their tilt, so that level 2 can share its tangents
-APPROACH_MM = (6.0, 2.0)
+APPROACH_MM = (6.0, 2.0)  # distances to first touch, before contact
 
 
 def static_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One trial of the static protocol.
 
     Args:
-        seed: of the data set.
-        number: of the path.
-        azimuths: how many azimuths (any, uniform) are labelled from it.
+        seed: seed of the data set.
+        number: number of the path.
+        azimuths: number of azimuths (any, uniform) that are labelled.
     """
     rng = np.random.default_rng([seed, number])
     tilt = TILTS_DEG[number // PATHS_PER_TILT % len(TILTS_DEG)]

@@ -1,8 +1,8 @@
 """``wide`` and ``steep`` protocols: tilts and loads beyond the authors' grid, with travel on the way (N, mm, s).
 
-``wide`` has any tilt from 0 to 60 degrees and loads to 60 N, so that a model can be trained and judged beyond
+``wide`` has any tilt from 0 to 60 degrees and loads to 60 N, so that a model can be trained and tested beyond
 ``static``. Tilts come from six strata of 10 degrees in turn, and every path passes all loads up to its top, so that six
-paths fill a table by tilt and load. ``steep`` has what endcaps of a robot that stands on leaning bars meet: 45 to 78
+paths fill a table by tilt and load. ``steep`` covers endcaps of a robot that stands on leaning bars: 45 to 78
 degrees, loads to 75 N, friction from 0.2 to 1.2.
 """
 
@@ -16,13 +16,14 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 from sensing.simulator.protocols.static import APPROACH_MM, FRICTION_RANGE
 
-STRATA, STRATUM_DEG = 6, 10.0
-TOP_N = (36.0, 60.0)
+STRATA, STRATUM_DEG = 6, 10.0  # of ``wide``: strata of tilt and their width
+TOP_N = (36.0, 60.0)  # of ``wide``: range of the top load
+# Of ``steep``: least tilt, width of its six strata, range of the top load, range of the Coulomb coefficient.
 STEEP_DEG, STEEP_STRATUM_DEG, STEEP_TOP_N, STEEP_FRICTION = 45.0, 5.5, (36.0, 75.0), (0.2, 1.2)
 STEP_N = 5.0  # between set-points
-TOUCHES, TOUCH_N = 3, (0.3, 4.5)
-TRAVEL_STATES = 7
-RADIUS_MM = (0.5, 4.0)  # E, as in the static protocol
+TOUCHES, TOUCH_N = 3, (0.3, 4.5)  # number of light touches before the set-points, and range of their load
+TRAVEL_STATES = 7  # states of the arc at the top load
+RADIUS_MM = (0.5, 4.0)  # E: of the arc, as in the static protocol
 DRIFT_MM = 0.25  # E: standard deviation of the travel along each axis from one set-point to the next
 UNLOAD = (0.8, 0.55, 0.35, 0.2, 0.07)  # of the top load
 
@@ -31,9 +32,9 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
     """One press: set-points up to the top load with some travel, an arc at the top, unloading.
 
     Args:
-        seed: of the data set.
-        number: of the path.
-        azimuths: how many azimuths (any, uniform) are labelled from it.
+        seed: seed of the data set.
+        number: number of the path.
+        azimuths: number of azimuths (any, uniform) that are labelled.
     """
     rng = np.random.default_rng([seed, number, 3])
     tilt, top = STRATUM_DEG * (number % STRATA + float(rng.uniform())), float(rng.uniform(*TOP_N))
@@ -41,12 +42,12 @@ def wide_path(seed: int, number: int, azimuths: int) -> LoadPath:
 
 
 def steep_path(seed: int, number: int, azimuths: int) -> LoadPath:
-    """The same far from the tip.
+    """One press as in :func:`wide_path`, at tilts far from the tip.
 
     Args:
-        seed: of the data set.
-        number: of the path.
-        azimuths: how many are labelled from it.
+        seed: seed of the data set.
+        number: number of the path.
+        azimuths: number of azimuths that are labelled.
     """
     rng = np.random.default_rng([seed, number, 4])
     tilt = STEEP_DEG + STEEP_STRATUM_DEG * (number % STRATA + float(rng.uniform()))
@@ -58,7 +59,7 @@ def _press(
 ) -> LoadPath:
     steps = np.arange(STEP_N, top - 0.5 * STEP_N, STEP_N)
     loads = [
-        *np.sort(rng.uniform(0.3, 4.5, TOUCHES)),
+        *np.sort(rng.uniform(*TOUCH_N, TOUCHES)),
         *(steps + rng.uniform(-0.5, 0.5, len(steps)) * STEP_N * 0.9),
         top,
     ]
@@ -79,7 +80,7 @@ def _pressed(phase: str, load_n: float, shift_mm: np.ndarray) -> Waypoint:
 
 
 def _arc(rng: np.random.Generator, start_mm: np.ndarray) -> np.ndarray:
-    """(TRAVEL_STATES, 2) places on part of a circle from the start, any heading, sense and length."""
+    """(TRAVEL_STATES, 2) travel along part of a circle from the start, mm; heading, sense and length are random."""
     radius = float(rng.uniform(*RADIUS_MM))
     heading, sense = float(rng.uniform(0, 2 * math.pi)), float(rng.choice([-1.0, 1.0]))
     angle = (

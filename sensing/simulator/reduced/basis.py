@@ -11,7 +11,7 @@ least squares of Lawson and Hanson, stopped early). Since w >= 0, the sum keeps 
 
 Assembling that tangent costs as much as twenty evaluations of the forces, so it is interpolated from those at the
 training states, K(q) = K_mean + sum_k g(|q - q_k|) C_k with a Gaussian g (radial basis functions); it steers Newton's
-iteration and has no say in what is accepted.
+iteration and does not affect which states are accepted.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 from sensing.simulator.solid.shell import ShellModel
 
-MODES = 50
-STATES = 90  # of training
-CUBATURE_ERROR = 2e-3  # of the projected internal forces
-MAX_ELEMENTS = 60
-REACH = 1.0  # of the tangents' interpolation, in median distances of the training states
-RIDGE = 1e-6  # added to its kernel's diagonal of ones
+MODES = 50  # displacement modes of a whole or half model
+STATES = 90  # training states
+CUBATURE_ERROR = 2e-3  # relative error of the projected internal forces
+MAX_ELEMENTS = 60  # elements of the cubature
+REACH = 1.0  # width of the Gaussians that interpolate the tangent, in median distances of the training states
+RIDGE = 1e-6  # added to the diagonal of ones of the interpolation's kernel
 FACE_MARGIN_MM = 4.0  # faces that came nearer than this to the body in training may touch
 NORMAL_N = (0.5, 38.0)  # of D=130 T=8 in Smooth-Sil 950, as is the stiffness below; of others in proportion
-CONE = 0.95  # T / N of the paths, at friction 1
-FRICTION = 1.0
-STIFFNESS_N_MM = 4.5  # tangential, to steer the paths (E)
+CONE = 0.95  # T / N of the training paths over their friction
+FRICTION = 1.0  # Coulomb coefficient of the training paths
+STIFFNESS_N_MM = 4.5  # E: tangential stiffness, by which a travel is chosen for a wanted force
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class TangentMap:
 
     Attributes:
         places: weights of the modes at the training states (t, m).
-        reach_mm: width of the Gaussians.
+        reach_mm: width of the Gaussians, mm.
         mean: K_mean (m, m).
         parts: C (t, m m).
     """
@@ -66,7 +66,7 @@ class TangentMap:
     parts: Array
 
     def at(self, weights: Array) -> Array:
-        """Tangent (m, m) at a place (m,)."""
+        """Tangent (m, m), N/mm, at mode weights (m,)."""
         away = ((self.places - weights) ** 2).sum(axis=1) / self.reach_mm**2
         return np.asarray(self.mean + (np.exp(-away) @ self.parts).reshape(self.mean.shape))
 
@@ -77,15 +77,15 @@ class ReducedModel:
 
     Attributes:
         modes: V over the unknowns (u, m), orthonormal.
-        cells: chosen elements (k,).
-        weights: w (k,).
-        element_modes: V over their nodes (k, 81, m).
-        data: element data of the chosen ones, volumes not weighted.
-        tangents: elastic tangent by interpolation.
+        cells: numbers of the chosen elements (k,).
+        weights: cubature weights w (k,).
+        element_modes: V over the nodes of the chosen elements (k, 81, m).
+        data: element data of the chosen elements, volumes not weighted.
+        tangents: interpolated elastic tangent.
         faces: faces that may touch (f,).
-        surface: their quadrature, nodes numbered within.
+        surface: contact quadrature of these faces, with nodes numbered within ``nodes``.
         nodes: numbers of the nodes of these faces (s,).
-        node_modes: V over them (3 s, m).
+        node_modes: V over these nodes (3 s, m).
         face_modes: V over each face's nodes (f, 27, m).
         estimate_factor: marker error over the indicator (:mod:`sensing.simulator.reduced.press`), 95 % of states.
     """
@@ -121,11 +121,11 @@ def training_states(fast: FrozenPress, states: int = STATES, seed: int = 0) -> l
 
     Args:
         fast: level 2 press.
-        states: how many.
-        seed: of the paths.
+        states: number of states.
+        seed: seed of the paths.
 
     Raises:
-        Refusal: too few states could be solved.
+        Refusal: level 2 could solve too few states.
     """
     rng = np.random.default_rng(seed)
     model = fast.press.model
@@ -154,9 +154,9 @@ def reduced_model(
 
     Args:
         model: the shell.
-        states: of training, under load (:func:`training_states`).
-        modes: how many.
-        cubature_error: relative, of the projected internal forces.
+        states: training states, under load (:func:`training_states`).
+        modes: number of modes.
+        cubature_error: relative error of the projected internal forces.
     """
     solid, surface = model.solid, model.surface
     loads = np.array([state.normal_n for state in states])
@@ -194,7 +194,7 @@ def reduced_model(
 
 
 def tangent_map(places: Array, tangents: Array) -> TangentMap:
-    """Interpolation of tangents (t, m, m) known at places (t, m)."""
+    """Interpolation of tangents (t, m, m), N/mm, known at mode weights (t, m)."""
     apart = cdist(places, places, "sqeuclidean")
     reach = REACH * math.sqrt(float(np.median(apart)))
     kernel = np.exp(-apart / reach**2) + RIDGE * np.eye(len(places))
@@ -203,12 +203,12 @@ def tangent_map(places: Array, tangents: Array) -> TangentMap:
 
 
 def _winding(rng: np.random.Generator, states: int, half: bool) -> list[tuple[float, Array]]:
-    """Normal and tangential force wanted, state by state; on a half model along the meridian only."""
+    """Wanted normal force and tangential force (2,) of each state, N; on a half model along the meridian only."""
     low, high = NORMAL_N
     press, angle, phase = (float(v) for v in rng.uniform(0, 2 * math.pi, 3))
     sense, path = float(rng.choice([-1.0, 1.0])), []
     for _ in range(states):
-        normal = low + (high - low) * ((1 - math.cos(press)) / 2) ** 1.5  # light touches more often
+        normal = low + (high - low) * ((1 - math.cos(press)) / 2) ** 1.5  # favours light touches
         size = CONE * FRICTION * math.sqrt((1 - math.cos(phase)) / 2) * normal
         direction = np.array([math.cos(angle), 0.0 if half else math.sin(angle)])
         path.append((normal, size * direction))
@@ -221,9 +221,9 @@ def mirrored(points: Array, fields: Array, sign: float) -> Array:
     """Part of fields (s, n, 3) that is symmetric (sign 1) or antisymmetric (-1) in y = 0.
 
     Args:
-        points: (n, 3) where they are known, each with its mirror image.
-        fields: (s, n, 3).
-        sign: which part.
+        points: (n, 3) points of the fields, mm, each with its mirror image.
+        fields: (s, n, 3) vectors at these points.
+        sign: 1 or -1.
     """
     mirror = np.array([1.0, -1.0, 1.0])
     _, twin = cKDTree(points).query(points * mirror)
@@ -239,7 +239,7 @@ def _twin_faces(model: ShellModel, touched: Array) -> Array:
 
 
 def _principal(parts: list[Array], modes: int) -> Array:
-    """Orthonormal columns (u, m): the strongest directions of all parts (s, u) together."""
+    """Orthonormal columns (u, m): the directions of largest variance of all parts (s, u) together."""
     found = [np.linalg.svd(part, full_matrices=False)[1:] for part in parts]
     sizes = np.concatenate([size for size, _ in found])
     rows = np.concatenate([right for _, right in found])
@@ -247,7 +247,7 @@ def _principal(parts: list[Array], modes: int) -> Array:
 
 
 def _by_nodes(nodal: Array, numbers: Index) -> Array:
-    """Modes (m, n, 3) over groups of nodes (g, a): (g, 3 a, m)."""
+    """(g, 3 a, m) modes (m, n, 3) at groups of nodes (g, a)."""
     return np.ascontiguousarray(nodal[:, numbers].reshape(len(nodal), len(numbers), -1).transpose(1, 2, 0))
 
 
@@ -272,13 +272,13 @@ def sparse_weights(table: Array, wanted: Array, error: float) -> tuple[Index, Ar
     Args:
         table: (r, e).
         wanted: sum to reach (r,).
-        error: norm of what may be missing over the norm of ``wanted``.
+        error: norm of the residual over the norm of ``wanted`` at which the search stops.
     """
     gram, goal = table.T @ table, table.T @ wanted
     chosen: list[int] = []
     weights = np.zeros(0)
     rest = wanted
-    for _ in range(3 * MAX_ELEMENTS):  # a column may come and go
+    for _ in range(3 * MAX_ELEMENTS):  # a column may be chosen and dropped again
         if np.linalg.norm(rest) <= error * np.linalg.norm(wanted) or len(chosen) == min(MAX_ELEMENTS, table.shape[1]):
             break
         slope = goal - gram[:, chosen] @ weights

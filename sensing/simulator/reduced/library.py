@@ -1,6 +1,6 @@
 """Level 4: a fitted library of equilibria over tilt, normal and tangential force (mm, N, N mm; contact on azimuth 0).
 
-Per newton of normal force, the inner surface moves by a sum of modes whose weights are polynomials:
+Divided by the normal force N, the displacement u of the inner surface is a sum of modes, whose weights are polynomials:
 
     u / N = sum_r Phi_r w_r(tilt, N, tx, ty),   w_r = sum_jk L_j(tilt) c_jkr B_k(N, tx, ty),   t = T / (tau N)
 
@@ -8,9 +8,9 @@ L_j are the Lagrange polynomials of the tilts at which it was fitted, B_k the pr
 total degree. The mirror plane splits modes: those symmetric in y take even powers of ty, the others odd ones. Wrench
 forces are the inputs themselves; depth, travel, patch area and moments are fitted like the weights.
 
-What is left out: the path (at equal forces it changes markers by a percent or two) and the friction coefficient, but
-that the force stays in its cone. ``error_estimate`` is the fit's leave-one-out residual joined with the change from the
-next lower degree; a state outside the fitted range, or whose estimate is over a limit, belongs to level 2.
+What is left out: the path (at equal forces it changes markers by a percent or two) and the friction coefficient, except
+that the force stays in its cone. ``error_estimate`` combines the leave-one-out residual of the fit with the change from
+the next lower degree; a state outside the fitted range, or whose estimate is over a limit, is left to level 2.
 """
 
 from __future__ import annotations
@@ -29,21 +29,22 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import Index
 
-FORMAT = 1
-SCALARS_EVEN = ("depth_mm", "shift_meridian_mm", "patch_mm2", "moment_y_nmm")  # per newton
+FORMAT = 1  # version of the file format
+# Scalars that are symmetric in y, and antisymmetric ones; divided by the normal force.
+SCALARS_EVEN = ("depth_mm", "shift_meridian_mm", "patch_mm2", "moment_y_nmm")
 SCALARS_ODD = ("shift_lateral_mm", "moment_x_nmm", "moment_z_nmm")
-CHUNK = 2000  # states at a time, so that the terms stay in the cache
+CHUNK = 2000  # states that are evaluated together, so that their polynomial terms stay in the processor's cache
 
 
 @dataclass(frozen=True)
 class LibraryStates:
-    """Answers for ``s`` states.
+    """Results of the library for ``s`` states.
 
     Attributes:
-        weights: of the modes (s, r), mm.
-        wrench: on the endcap at its origin (s, 6).
-        depth_mm, patch_mm2: (s,).
-        shift_mm: (s, 2).
+        weights: weights of the modes (s, r), mm.
+        wrench: wrench on the endcap at its origin (s, 6), N and N mm.
+        depth_mm, patch_mm2: depth of the plane, mm, and contact area, mm2 (s,).
+        shift_mm: tangential travel along (meridian, lateral) (s, 2), mm.
         error_estimate: expected relative rms error of the markers (s,).
         inside: whether the state lies in the fitted range (s,).
     """
@@ -59,18 +60,18 @@ class LibraryStates:
 
 @dataclass(frozen=True)
 class Library:
-    """A fit; see the module's text. Arrays only, so that a file holds nothing that could run.
+    """A fitted library; see the module's text. It consists of arrays, so that its file holds nothing that could run.
 
     Attributes:
-        tilt_deg: fitted tilts, ascending (t,).
-        normal_n: range of the normal force (2,).
+        tilt_deg: fitted tilts, ascending (t,), degrees.
+        normal_n: range of the normal force (2,), N.
         cone: tau, largest T / N fitted (1,).
-        powers: degrees of the terms in (N, tx, ty) (p, 3); even ones in ty first.
-        even, odd: coefficients (t, pe, re), (t, po, ro), of weights and then scalars.
-        even_below, odd_below: the same of the fit of one degree less.
-        modes: surface fields (r, k, 3), orthonormal; even ones first.
-        residual: relative rms error of the fit on its own states, each left out in turn (1,).
-        shell: what it was fitted for: diameter, wall, C10, C20, C30, bulk (6,).
+        powers: degrees of the polynomial terms in (N, tx, ty) (p, 3); terms even in ty first.
+        even, odd: coefficients (t, pe, re), (t, po, ro) of the modes' weights, then of the scalars.
+        even_below, odd_below: the same for the fit of one degree less.
+        modes: surface fields (r, k, 3), orthonormal; those symmetric in y first.
+        residual: relative rms leave-one-out error of the fit on its own states (1,).
+        shell: parameters of its shell (:func:`shell_key`) (6,).
     """
 
     tilt_deg: Array
@@ -89,8 +90,8 @@ class Library:
         """States at tilts, normal and tangential forces.
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N.
-            tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg, normal_n: (s,) tilts, degrees, and normal forces, N.
+            tangential_n: tangential forces along (meridian, lateral) (s, 2), N.
         """
         tilt_deg, normal_n = np.broadcast_arrays(np.asarray(tilt_deg, float), np.asarray(normal_n, float))
         tangential_n = np.asarray(tangential_n, float).reshape(-1, 2)
@@ -110,8 +111,8 @@ class Library:
         """Which states (s,) lie in the fitted range.
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N.
-            tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg, normal_n: (s,) tilts, degrees, and normal forces, N.
+            tangential_n: tangential forces along (meridian, lateral) (s, 2), N.
         """
         low, high = self.normal_n
         return np.asarray(
@@ -123,7 +124,7 @@ class Library:
         )
 
     def save(self, path: Path) -> None:
-        """Write to a file (.npz).
+        """Write the library to a file (.npz).
 
         Raises:
             FileError: it cannot be written.
@@ -134,7 +135,7 @@ class Library:
 
     @staticmethod
     def load(path: Path) -> Library:
-        """Read from a file.
+        """Read a library from a file.
 
         Raises:
             FileError: missing, corrupt or of another format.
@@ -144,7 +145,7 @@ class Library:
                 if int(archive["format"]) != FORMAT:
                     raise ValueError(f"format {int(archive['format'])}, this program reads {FORMAT}")
                 return Library(**{f.name: archive[f.name] for f in fields(Library)})
-        except Exception as error:  # a torn zip raises half a dozen kinds
+        except Exception as error:  # a truncated zip raises many types of error
             raise FileError(f"{path}: not a library ({error}): fit it again") from error
 
     def _chunk(self, tilt_deg: Array, normal_n: Array, tangential_n: Array) -> LibraryStates:
@@ -184,9 +185,9 @@ def local_variables(normal_n: Array, tangential_n: Array, normal_range: Array, c
     """Polynomial variables (s, 3): N on -1..1, and T over tau N.
 
     Args:
-        normal_n: (s,), N.
-        tangential_n: along (meridian, lateral) (s, 2), N.
-        normal_range: least and largest fitted N (2,).
+        normal_n: normal forces (s,), N.
+        tangential_n: tangential forces along (meridian, lateral) (s, 2), N.
+        normal_range: least and largest fitted N (2,), N.
         cone: tau, largest fitted T / N.
     """
     low, high = normal_range
@@ -215,7 +216,7 @@ def lagrange_terms(nodes: Array, x: Array) -> Array:
 
 
 def _both(tilts: Array, terms: Array, upper: Array, lower: Array) -> tuple[Array, Array]:
-    """Values (s, q) of both fits: the tilt and the force terms multiplied out, then one matrix product."""
+    """Values (s, q) of both fits: products of the tilt and the force terms times their coefficients."""
     product = (tilts[:, :, None] * terms[:, None, :]).reshape(len(tilts), -1)
     count = upper.shape[2]
     values = product @ np.concatenate([upper, lower], axis=2).reshape(-1, 2 * count)

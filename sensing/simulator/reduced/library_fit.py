@@ -2,9 +2,9 @@
 
     python -m sensing.simulator.reduced.library_fit --out lib.npz
 
-At every tilt a few winding paths cross the range of normal and tangential force; each tilt's states give polynomials of
-their own, and Lagrange interpolation joins the tilts. Paths wind, so that the fit averages over histories. Friction is
-taken high, so that the cone of any smaller friction is covered.
+At every tilt a few winding paths cross the range of normal and tangential force; each tilt's states determine their
+own polynomials, and Lagrange interpolation joins the tilts. Paths wind, so that the fit averages over histories.
+Friction is high, so that the cone of any smaller friction is covered.
 """
 
 from __future__ import annotations
@@ -38,33 +38,33 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import Index
 
-TILTS_DEG = (0.0, 7.0, 17.0, 28.0, 39.0, 48.0, 54.0)  # denser at the ends, against the wiggles of Runge
-NORMAL_N = (1.0, 38.0)  # of D=130 T=8 in Smooth-Sil 950, as is the stiffness below; of others in proportion
-CONE = 0.7  # largest T / N
-FRICTION = 0.9
-DEGREE = 5
-STATES = 80  # at every tilt
-MAX_MODES = 60  # of each symmetry
-MODE_SHARE = 2e-6  # of the squared norm that the cut modes may hold
-RANK = 1e-10  # singular values below this share of the largest are none
-MIN_FREE = 0.05  # of a state's own weight in the leave-one-out error, against division by nothing
-STIFFNESS_N_MM = 4.5  # tangential, to steer the path (E): low forces are missed less than high ones
+TILTS_DEG = (0.0, 7.0, 17.0, 28.0, 39.0, 48.0, 54.0)  # denser at the ends, against Runge's oscillation
+NORMAL_N = (1.0, 38.0)  # for D=130 T=8 in Smooth-Sil 950, as the stiffness below; scaled to other shells
+CONE = 0.7  # largest T / N of the fitted states
+FRICTION = 0.9  # Coulomb coefficient of the fitted states
+DEGREE = 5  # total degree of the polynomials
+STATES = 80  # states at every tilt
+MAX_MODES = 60  # modes of each symmetry
+MODE_SHARE = 2e-6  # part of the squared norm that the dropped modes may hold
+RANK = 1e-10  # singular values below this part of the largest count as zero
+MIN_FREE = 0.05  # least 1 - leverage in the leave-one-out error, which divides by it
+STIFFNESS_N_MM = 4.5  # E: tangential stiffness, by which a travel is chosen for a wanted force
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One solved state: tilt (degrees), forces (N), wrench (N, N mm) and displacement of the inner surface (k, 3)."""
+    """One solved state at a tilt, degrees."""
 
     tilt_deg: float
     state: SceneState
 
 
 def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> Iterator[tuple[float, Array]]:
-    """Normal force and tangential force (2,) asked of D=130 T=8 in Smooth-Sil 950, N, state by state.
+    """Wanted normal force and tangential force (2,) of each state for D=130 T=8 in Smooth-Sil 950, N.
 
     Args:
         rng: source of the path's random numbers.
-        states: how many.
+        states: number of states.
         cone: largest T / N.
     """
     low, high = NORMAL_N
@@ -72,7 +72,7 @@ def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> I
     sense = float(rng.choice([-1.0, 1.0]))
     for _ in range(states):
         normal = low + (high - low) * (1 - math.cos(press)) / 2
-        size = cone * math.sqrt((1 - math.cos(phase)) / 2) * normal  # even over the disc, slowly varying
+        size = cone * math.sqrt((1 - math.cos(phase)) / 2) * normal  # uniform over the disc, slowly varying
         yield normal, size * np.array([math.cos(angle), math.sin(angle)])
         press += float(rng.uniform(0.15, 0.45))
         phase += float(rng.uniform(0.3, 0.7))
@@ -80,13 +80,13 @@ def winding_path(rng: np.random.Generator, states: int, cone: float = CONE) -> I
 
 
 def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, friction: float) -> list[Sample]:
-    """Solve one winding path at a tilt; a refused state ends it, and a new path goes on.
+    """States of winding paths at one tilt; a refused state ends a path, and a new path begins.
 
     Args:
-        simulator: of the shell.
-        tilt_deg: of the plane.
-        states: how many.
-        seed: of the path, together with the tilt.
+        simulator: simulator of the shell.
+        tilt_deg: tilt of the plane, degrees.
+        states: number of states.
+        seed: seed of the paths, together with the tilt.
         friction: Coulomb's mu.
     """
     rng = np.random.default_rng([seed, round(1000 * tilt_deg)])
@@ -111,12 +111,12 @@ def sample_tilt(simulator: Simulator, tilt_deg: float, states: int, seed: int, f
 
 
 def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Library:
-    """Library from solved states: at least as many at each tilt as the polynomial has terms.
+    """Library fitted to solved states: at each tilt at least as many as the polynomial has terms.
 
     Args:
-        simulator: of the shell.
+        simulator: simulator of the shell.
         samples: solved states at all tilts.
-        degree: total, of the polynomials.
+        degree: total degree of the polynomials.
 
     Raises:
         ParameterError: too few states.
@@ -158,8 +158,8 @@ def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Li
 
 @dataclass(frozen=True)
 class _Parity:
-    """What is symmetric, or antisymmetric, in the mirror plane: terms (s, p), which of them the lower degree keeps
-    (p,), modes (r, k, 3), their weights (s, r) and scalars (s, q).
+    """Data of the fit that are symmetric, or antisymmetric, in the mirror plane: terms (s, p), which of them the lower
+    degree has (p,), modes (r, k, 3), their weights (s, r) and scalars (s, q).
     """
 
     terms: Array
@@ -169,7 +169,7 @@ class _Parity:
     scalars: Array
 
     def fitted(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Coefficients of both degrees (p, r + q), and what each state's weights miss if it is left out (rows,)."""
+        """Coefficients of both degrees (p, r + q), and leave-one-out error of each state's weights (rows,)."""
         terms, targets = self.terms[rows], np.column_stack([self.weights[rows], self.scalars[rows]])
         upper = np.linalg.lstsq(terms, targets, rcond=RANK)[0]
         lower = np.zeros_like(upper)
@@ -191,12 +191,12 @@ def _check_count(count: int, terms: int, tilt: float) -> None:
 
 
 def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Library:
-    """Solve and fit (minutes: :data:`TILTS_DEG` times ``states`` on level 2).
+    """Solve states and fit a library to them (minutes: :data:`TILTS_DEG` times ``states`` on level 2).
 
     Args:
-        simulator: of the shell, level 2.
-        states: at each tilt.
-        seed: of the paths.
+        simulator: level 2 simulator of the shell.
+        states: number of states at each tilt.
+        seed: seed of the paths.
     """
     samples: list[Sample] = []
     for count, tilt in enumerate(TILTS_DEG):
@@ -254,7 +254,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         law = silicone(options.silicone).neo_hooke()
         make_folder(options.out.parent)
-        require_place(options.out)  # before minutes are spent
+        require_place(options.out)  # before the solver runs for minutes
         simulator = Simulator(shell_geometry(options.diameter, options.wall), law, options.density)
         library = fit_library(simulator, options.states, options.seed)
         library.save(options.out)

@@ -16,11 +16,11 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell_halves import ShellHalves
 from sensing.simulator.solid.surface import turn_wrench
 
-LIMIT = 0.06  # error estimate over which level 4 leaves a state to level 2
+LIMIT = 0.06  # error estimate over which level 2 solves the state
 
 
 class LibraryLevel:
-    """A library in the service of one shell.
+    """A library applied to one shell.
 
     Raises:
         ParameterError: no library, or one of another shell or mesh.
@@ -47,7 +47,7 @@ class LibraryLevel:
         self.library, self.shell = library, shell
 
     def answer(self, scene: Scene, target: Target) -> SceneState | None:
-        """One state, or None where the library has none to give."""
+        """One state, or None where the library does not cover it."""
         if scene.indenter.kind != "plane" or target.tangential_n is None:
             return None
         if target.normal_n is None or not target.normal_n > 0:
@@ -74,13 +74,13 @@ class LibraryLevel:
     def bulk(
         self, tilt_deg: Array, normal_n: Array, tangential_n: Array, friction: float, azimuth_deg: float
     ) -> BulkStates:
-        """Many states of a plane; ``level`` is 2 where the answer must not be used (see :func:`trusted`).
+        """Many states of a plane; ``level`` is 2 where the library's result must not be used (see :func:`trusted`).
 
         Args:
-            tilt_deg, normal_n: (s,), degrees and N.
-            tangential_n: along (meridian, lateral) (s, 2), N.
+            tilt_deg, normal_n: (s,) tilts, degrees, and normal forces, N.
+            tangential_n: tangential forces along (meridian, lateral) (s, 2), N.
             friction: Coulomb's mu.
-            azimuth_deg: of the contact, one for all.
+            azimuth_deg: azimuth of all contacts, degrees.
         """
         found = self.library.states(tilt_deg, normal_n, tangential_n)
         sampler = self.shell.sampler(azimuth_deg)
@@ -90,12 +90,12 @@ class LibraryLevel:
 
 
 def trusted(found: LibraryStates, normal_n: Array, tangential_n: Array, friction: float) -> NDArray[np.bool_]:
-    """Which states (s,) lie in the fitted range, within the friction cone and under the limit of the estimate.
+    """Which states (s,) lie in the fitted range, within the friction cone and under the limit of the error estimate.
 
     Args:
-        found: the library's answers.
-        normal_n: asked for (s,), N.
-        tangential_n: likewise (s, 2), N.
+        found: results of the library.
+        normal_n: wanted normal forces (s,), N.
+        tangential_n: wanted tangential forces along (meridian, lateral) (s, 2), N.
         friction: Coulomb's mu.
     """
     sliding = np.linalg.norm(tangential_n, axis=1) > tangential.MAX_CONE_SHARE * friction * np.asarray(normal_n)

@@ -5,11 +5,11 @@ Unknowns are the mode weights q and, where the force is given, the depth d:
     [K_q + V'KcV   V'k  ] [dq]     [V'r(Vq, d)]      K_q interpolated, or from the cubature; Kc, k, kappa as in
     [k'V           kappa] [dd] = - [N - N*    ]      :mod:`sensing.simulator.press.newton`, true friction bound
 
-Every answer is then judged on the full mesh: what its residual r there would still move, |H r| / |u| with a stored
-inverse H of the elastic tangent, times a factor found on a path that training has not seen, is its error estimate. (The
-residual itself would not do: stresses under the patch are a fifth out of balance where markers are right to 0.3 %.) An
-answer over the limit, a step that does not converge, or contact on a face that training never touched goes to level 2,
-which answers instead. Mode weights are read anew from each state, so levels mix on a path.
+Every result is then checked on the full mesh: its error estimate is |H r| / |u|, the displacement that its residual r
+there would still cause, with a stored inverse H of the elastic tangent, times a factor calibrated on a path outside the
+training. (The residual itself is no measure: stresses under the patch are a fifth out of balance where markers are
+right to 0.3 %.) Level 2 solves the step instead if the estimate is over the limit, the step does not converge, or a
+face without contact in training touches. Mode weights are computed again from each state, so levels mix on a path.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 
-LIMIT = 0.04  # error estimate over which level 2 answers
+LIMIT = 0.04  # error estimate over which level 2 solves the step
 CONVERGED = 2e-4  # reduced residual over the load
-MAX_ITERATIONS = 25
-LEAST_COSINE = 1e-3  # between what a tangent missed and the move, below which nothing is learned
-MAX_LEAPS = 2  # full Newton steps of a state that may raise the residual
+MAX_ITERATIONS = 25  # Newton iterations of one step
+LEAST_COSINE = 1e-3  # between the tangent's error and the move; below it the tangent is not updated
+MAX_LEAPS = 2  # full Newton steps of a step that may raise the residual
 RENEW_AFTER = 10  # iterations after which K_q is assembled
-JUDGES, JUDGE_FRICTION = 20, 0.6  # states and friction of the path that sets ``estimate_factor``
-QUANTILE = 95.0
+JUDGES, JUDGE_FRICTION = 20, 0.6  # states and Coulomb coefficient of the path that calibrates ``estimate_factor``
+QUANTILE = 95.0  # percent of the states of that path whose error the estimate covers
 
 
 @dataclass(frozen=True)
 class _Point:
-    """One trial of a reduced step."""
+    """One trial of a reduced step (mm, N)."""
 
     weights: Array  # q (m,)
     depth: float
@@ -56,12 +56,12 @@ class _Point:
 
 
 class ReducedPress:
-    """Level 3 on top of a level 2 press; counts what it did in ``fast_steps`` and ``fallbacks``.
+    """Level 3 on top of a level 2 press; ``fast_steps`` and ``fallbacks`` count the steps of either level.
 
     Args:
-        fast: level 2.
+        fast: the level 2 press.
         reduced: model of the same shell and body.
-        limit: error estimate over which level 2 answers.
+        limit: error estimate over which level 2 solves the step.
     """
 
     def __init__(self, fast: FrozenPress, reduced: ReducedModel, limit: float = LIMIT) -> None:
@@ -119,7 +119,7 @@ class ReducedPress:
 
 
 class _Step:
-    """One reduced step: Newton with a kept elastic tangent."""
+    """One reduced step: Newton's method with an elastic tangent that is kept over iterations."""
 
     def __init__(self, reduced: ReducedModel, problem: StepProblem) -> None:
         self.reduced = reduced
@@ -134,7 +134,7 @@ class _Step:
         self.memory = ContactMemory(memory.traction[faces], memory.position[faces], memory.gap[faces])
 
     def solve(self, weights: Array, state: State, target: Target) -> _Point | None:
-        """Equilibrium, or None; the first guess lets the body's travel enter linearly."""
+        """Equilibrium, or None; the first guess is linear in the body's travel."""
         depth = state.depth_mm if target.depth_mm is None else target.depth_mm
         self.tangent = self.reduced.tangents.at(weights)
         here = self._predicted(weights, state, target) or self._evaluate(weights, depth)
@@ -150,7 +150,7 @@ class _Step:
                 self.tangent = _learned(self.tangent, found.weights - here.weights, found.internal - here.internal)
                 here = found
             else:
-                if own and since == 1:  # not even with its own tangent: the way leads over a kink of the friction
+                if own and since == 1:  # its own tangent fails, too: the friction has a kink on the way
                     if leaps == MAX_LEAPS:
                         return None
                     change, depth = self._direction(here, here.residual, here.force_gap)
@@ -238,16 +238,16 @@ def _learned(tangent: Array, moved: Array, changed: Array) -> Array:
 
 
 def trained(model: ShellModel, indenter: Indenter, states: int = STATES, modes: int = MODES) -> ReducedModel:
-    """Reduced model of a shell under a body: trained on level 2 along winding paths, tested along another.
+    """Reduced model of a shell under a body: trained on level 2 along winding paths, calibrated along another.
 
     Args:
         model: the shell.
         indenter: the body.
-        states: how many to train on.
-        modes: how many.
+        states: number of training states.
+        modes: number of modes.
 
     Raises:
-        Refusal: too few states could be solved, or level 3 misses half of those it is judged on.
+        Refusal: level 2 could solve too few states, or level 3 fails on half of the states that calibrate it.
     """
     fast = FrozenPress(Press(model, indenter, FRICTION))
     found = reduced_model(model, training_states(fast, states), modes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,16 +15,32 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 
+class Patch(NamedTuple):
+    """A window of the texture round a point, with tangent coordinates of its texels.
+
+    Attributes:
+        window: (h, w, 4) view of the texture.
+        away_mm: (h, w) coordinates away from the tip.
+        around_mm: (h, w) coordinates round the axis.
+        texel_mm: size of a texel.
+    """
+
+    window: Floats
+    away_mm: Array
+    around_mm: Array
+    texel_mm: float
+
+
 @dataclass(frozen=True)
 class Canvas:
-    """A texture and where its texels lie on the sphere.
+    """A texture and the positions of its texels on the sphere.
 
     Attributes:
         texture: (n, n, 4) float32 reflectance blue, green, red and ink.
-        points: (n, n, 3) texels on the sphere, mm.
+        points: (n, n, 3) positions of the texels on the sphere, mm.
         extent: disc coordinate of the texture's edge.
-        centre: (3,) of the sphere.
-        radius: mm.
+        centre: (3,) centre of the sphere, mm.
+        radius: radius of the sphere, mm.
     """
 
     texture: Floats
@@ -34,7 +51,7 @@ class Canvas:
 
     @classmethod
     def blank(cls, params: EndcapParams, texels: int) -> Canvas:
-        """Nothing painted yet."""
+        """A canvas without paint."""
         extent = rim_polar(params) * 1.02
         axis = ((np.arange(texels) + 0.5) / texels * 2 - 1) * extent
         disc = np.stack(np.meshgrid(axis, axis), -1)
@@ -51,13 +68,13 @@ class Canvas:
         return np.cross(around, unit), around
 
     def shifted(self, at: Array, shift_mm: Array) -> Array:
-        """A point moved along the sphere."""
+        """A point moved along the sphere by a shift (away from the tip, round the axis), mm."""
         away, around = self.frame(at)
         moved = at - self.centre + shift_mm[0] * away + shift_mm[1] * around
         return self.centre + moved / np.linalg.norm(moved) * self.radius
 
-    def patch(self, at: Array, reach_mm: float) -> tuple[Floats, Array, Array, float]:
-        """Texture window round a point, tangent coordinates (mm) of its texels, and the texel size (mm)."""
+    def patch(self, at: Array, reach_mm: float) -> Patch:
+        """The patch that reaches a distance round a point (3,), mm."""
         n = len(self.texture)
         unit = (at - self.centre) / self.radius
         polar = np.arccos(np.clip(unit[2], -1, 1))
@@ -69,15 +86,15 @@ class Canvas:
         columns = slice(max(0, int(column) - half), max(0, int(column) + half + 2))
         offset = self.points[rows, columns] - at
         away, around = self.frame(at)
-        return self.texture[rows, columns], offset @ away, offset @ around, texel
+        return Patch(self.texture[rows, columns], offset @ away, offset @ around, texel)
 
 
 def mix(window: Floats, color: ArrayLike, cover: ArrayLike, glossy: ArrayLike) -> None:
     """Lay a colour over a texture window by coverage.
 
     Args:
-        window: (h, w, 4) of the texture, changed in place.
-        color: blue, green, red, (3,) or (h, w, 3).
+        window: (h, w, 4) part of the texture, changed in place.
+        color: blue, green, red reflectance, (3,) or (h, w, 3).
         cover: coverage 0..1 (h, w).
         glossy: share of the colour that reflects like ink, a number or (h, w).
     """

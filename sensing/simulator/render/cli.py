@@ -29,7 +29,7 @@ from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.sensor import Image
 from sensing.simulator.render.settings import LEVELS, Lamp, Paint, RenderSettings, Sensor
 
-TILT_DEG, AZIMUTH_DEG = 30.0, 0.0  # of the bulge
+TILT_DEG, AZIMUTH_DEG = 30.0, 0.0  # place of the bulge
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -118,7 +118,7 @@ def _renderer(options: argparse.Namespace, params: EndcapParams, mounted: Mounte
 
 
 def _displacement(options: argparse.Namespace, params: EndcapParams, surface_mm: Array) -> Array | None:
-    """From the file, or the bulge: along the inward radius, a Gaussian of 18 mm over the sphere."""
+    """Displacement from the file, or of the bulge: along the inward radius, a Gaussian of 18 mm over the sphere."""
     if options.displacement:
         return _load(options.displacement)[1]
     if options.bulge == 0:
@@ -151,7 +151,7 @@ def _load(path: str) -> tuple[Array, Array]:
 def _read(path: str) -> Image:
     try:
         image = cv2.imread(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if Path(path).is_file() else None
-    except cv2.error:  # a head that claims more pixels than OpenCV takes
+    except cv2.error:  # a header that states more pixels than OpenCV accepts
         image = None
     if image is None:
         raise FileError(f"{path}: missing, or not an image that OpenCV can decode; give a JPEG or PNG")

@@ -4,7 +4,7 @@
     frame = renderer.render(displacement_mm)      # (n, 3) at renderer.surface_mm, or at your own surface nodes
     frame.image_bgr, frame.jpeg, frame.dots_px, frame.dots_visible
 
-Input is a displacement field of the inner surface (mm, endcap frame) from any mechanics; nothing here computes one.
+Input is a displacement field of the inner surface (mm, endcap frame) from any mechanics; this module computes none.
 Left out: the parallax of a dent's 0.6 mm depth (up to 1 px at the rim, nearly constant under load), light through the
 wall, and shadows of the surface on itself. Folds are hidden correctly.
 """
@@ -46,21 +46,21 @@ from sensing.simulator.render.skin import paint_skin
 from sensing.simulator.solid.surface import turn_about_axis
 
 Interpolation = Callable[[Array], csr_matrix]
-NOISE_TABLE = 1 << 23  # standard normals kept for frames without fresh noise
-BEYOND_DEG = 12.0  # past the lens's edge, so that cells which it cuts have all their corners
-KEPT_AZIMUTHS = 16  # dot interpolations kept
+NOISE_TABLE = 1 << 23  # number of standard normals kept for frames without fresh noise
+BEYOND_DEG = 12.0  # past the lens's edge, so that the cells at its edge have all their corners
+KEPT_AZIMUTHS = 16  # number of dot interpolations that are kept
 HIDDEN_MM = 1.0  # a dot this far behind the surface seen at its pixel is hidden
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A rendered frame and where the dots truly are in it.
+    """A rendered frame with the true places of its dots.
 
     Attributes:
         pixels_bgr: (h, w, 3) 8-bit, before compression.
-        jpeg: what the camera sends; empty where ``jpeg_quality`` is 0.
+        jpeg: JPEG bytes that the camera sends; empty where ``jpeg_quality`` is 0.
         dots_px: (d, 2) image of each dot's ink centre, in the order of ``cad.dots.dot_pattern``; ``nan`` out of view.
-        dots_visible: (d,) painted, inside the frame and not hidden by a fold.
+        dots_visible: (d,) whether the dot is painted, inside the frame and not hidden by a fold.
     """
 
     pixels_bgr: Image
@@ -82,11 +82,11 @@ class DomeRenderer:
     Args:
         params: the design.
         mounted: camera and pose.
-        settings: look and quality.
-        surface_mm: (n, 3) undeformed nodes of the inner surface at which displacements will be given (any order, no
-            connectivity needed). Without it they are those of the renderer's own mesh, :attr:`surface_mm`.
-        interpolation: points (t, 3) at rest to a sparse (t, n) matrix from those nodes, such as
-            :meth:`sensing.simulator.solid.surface.InnerSurface.interpolation`. Without it moving least squares, which
+        settings: look and quality of the frames.
+        surface_mm: (n, 3) undeformed nodes of the inner surface for the displacements (any order, no connectivity);
+            without it, those of the renderer's own mesh, :attr:`surface_mm`.
+        interpolation: function from undeformed points (t, 3) to a sparse (t, n) matrix from those nodes, such as
+            :meth:`sensing.simulator.solid.surface.InnerSurface.interpolation`; without it moving least squares, which
             needs nodes of even spacing.
     """
 
@@ -103,13 +103,13 @@ class DomeRenderer:
         self.mounted = mounted or nominal_mount(params)
         self._mesh = surface_mesh(params, self.settings.mesh)
         rim = 0.99 * self._mesh.rim_polar
-        self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are slivers
+        self._inner = np.linalg.norm(self._mesh.disc, axis=1) < rim  # the outermost cells are narrow
         self._skin = paint_skin(params, self.settings.paint, self.settings.texels, self.settings.seed)
         self.surface_mm = self._mesh.vertices_mm if surface_mm is None else np.asarray(surface_mm, dtype=float)
         self._interpolation = interpolation or partial(interpolation_matrix, params, self.surface_mm)
         self._to_mesh = None if surface_mm is None else self._interpolation(self._mesh.vertices_mm)
         self._dot_matrices: dict[float, csr_matrix] = {}
-        self._last: tuple[Array, float, tuple[Array, Array, bool]] | None = None  # the last surface deformed
+        self._last: tuple[Array, float, tuple[Array, Array, bool]] | None = None  # the last deformed surface
         camera, factor = self.mounted.camera, self.settings.supersample
         fine = camera.resized(camera.width_px * factor, camera.height_px * factor)
         self._fine = MountedCamera(fine, self.mounted.T_camera_endcap)
@@ -129,12 +129,12 @@ class DomeRenderer:
         frame: int = 0,
         settings: RenderSettings | None = None,
     ) -> Frame:
-        """One frame.
+        """Render one frame.
 
         Args:
-            displacement_mm: (n, 3) at :attr:`surface_mm` when the exposure ends; ``None`` for the undeformed dome.
-            azimuth_deg: the displacement is turned about the axis by this first (paint and lamp stay).
-            start_mm: (n, 3) when the exposure begins, for motion blur; ``None`` for no motion.
+            displacement_mm: (n, 3) at :attr:`surface_mm` at the end of the exposure; ``None`` for the undeformed dome.
+            azimuth_deg: angle by which the displacement is first turned about the axis (paint and lamp are not).
+            start_mm: (n, 3) at the beginning of the exposure, for motion blur; ``None`` for no motion.
             frame: number, 0 or more, that selects the noise; the same number gives the same bytes.
             settings: other lamp, optics or sensor for this frame; paint, mesh and texture stay those of the renderer.
 
@@ -172,10 +172,10 @@ class DomeRenderer:
         azimuth_deg: float = 0.0,
         settings: RenderSettings | None = None,
     ) -> Floats:
-        """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear.
+        """The light (h, w, 3) that reaches the sensor, blurred by lens and motion, without noise; linear scale.
 
         Args:
-            displacement_mm, start_mm, azimuth_deg, settings: as of :meth:`render`.
+            displacement_mm, start_mm, azimuth_deg, settings: arguments of :meth:`render`.
         """
         self._last = None  # the caller may have changed the same array
         return self._light(self._displacement(displacement_mm), start_mm, azimuth_deg, settings or self.settings)
@@ -221,9 +221,9 @@ class DomeRenderer:
         return radiance_image(seen, skin.texture, skin.extent, np.where(owner >= 0, passed, np.float32(0)), weights)
 
     def _deformed(self, displacement: Array, azimuth_deg: float) -> tuple[Array, Array, bool]:
-        """Vertices and normals, and whether all of the surface faces the camera, so that nothing can hide anything.
+        """Vertices and normals, and whether all of the surface faces the camera, so that nothing is hidden.
 
-        The whole mesh is turned with the displacement, for one interpolation at any azimuth.
+        The whole mesh is turned with the displacement, so that one interpolation serves every azimuth.
         """
         if self._last is None or self._last[0] is not displacement or self._last[1] != azimuth_deg:
             moved = displacement if self._to_mesh is None else self._to_mesh @ displacement
@@ -236,13 +236,13 @@ class DomeRenderer:
         return self._last[2]
 
     def _trace(self, mounted: MountedCamera, vertices: Array) -> tuple[NDArray[np.int32], Floats, Floats]:
-        """The triangle that each pixel sees, where in it, and how far from the pupil."""
+        """For each pixel: the triangle that it sees, barycentric weights in it, and distance from the pupil."""
         depth = np.linalg.norm(vertices - mounted.pupil_endcap_mm, axis=1)
         size = mounted.camera.height_px, mounted.camera.width_px
         return rasterise(mounted.project(vertices), depth, self._mesh.triangles, *size)
 
     def _dots(self, displacement: Array, azimuth_deg: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the ink's centres are seen, and which of them can be."""
+        """Image points of the ink's centres, and whether they can be seen."""
         turn = turn_about_axis(azimuth_deg)
         points = self._skin.ink_mm + self._to_dots(azimuth_deg) @ displacement @ turn.T
         pixels, camera = self.mounted.project(points), self.mounted.camera
@@ -258,7 +258,7 @@ class DomeRenderer:
         return pixels, visible
 
     def _to_dots(self, azimuth_deg: float) -> csr_matrix:
-        """Displacements at the nodes to those of the ink's centres, before both are turned; kept for a few azimuths."""
+        """Matrix from displacements of the nodes to those of the ink's centres, before the turn; cached by azimuth."""
         if azimuth_deg not in self._dot_matrices:
             if len(self._dot_matrices) >= KEPT_AZIMUTHS:
                 del self._dot_matrices[next(iter(self._dot_matrices))]

@@ -1,4 +1,4 @@
-"""Rendered frames as any other source gives them: the plug between simulator and field.
+"""Rendered frames with the interface of every other source of frames.
 
     source = RenderedSource(DomeRenderer(params), [None, press_mm, 2 * press_mm])
     for frame in source: ...                     # sensing.records.Frame, as from a camera
@@ -22,10 +22,10 @@ class RenderedSource:
     """Frames of a rendered dome.
 
     Args:
-        renderer: knows endcap, camera, paint and lamp.
+        renderer: renderer with endcap, camera, paint and lamp.
         displacements_mm: one (n, 3) per frame at the renderer's surface nodes; None for the undeformed dome.
-        rate_hz: frame rate that the times follow.
-        name: what the frames call their source.
+        rate_hz: frame rate of the capture times, Hz.
+        name: name of the source in the frames.
 
     Raises:
         ParameterError: the rate is not positive.

@@ -1,8 +1,8 @@
 """Hand-painted ink in the dents: its dark edge, spills, smears, specks and letters.
 
-Shapes are drawn in the tangent plane of each dot (mm); every dot has its own random numbers, so that one knob does not
-change the others' dots. Amounts were set against the released photos (M: areas, spread and grey of the dots by eye and
-histogram; tables in docs/optics.md).
+Shapes are drawn in the tangent plane of each dot (mm); every dot has its own random numbers, so that a change of one
+setting does not change other dots. Amounts were set against the released photos (M: areas, spread and grey of the dots
+by eye and histogram; tables in docs/optics.md).
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from cad.params import EndcapParams
 from sensing.simulator.render.canvas import Array, Canvas, mix
 from sensing.simulator.render.settings import Paint
 
-INK = (0.022, 0.035, 0.034)  # M: dots away from the glint
-FLANK = (0.006, 0.009, 0.008)  # M: the dark edge of a filled dent
-BOTTOM_SHARE = 0.74  # E: bright bottom of a filled dent over the ink's radius
-FLANK_SOFT_MM = 0.35  # E
-SPILL_EDGE_MM = 0.6  # E
-OUTWARD = 0.7  # E: how much likelier ink runs over at the rim, where the hand reaches badly, than at the tip
+INK = (0.022, 0.035, 0.034)  # M: reflectance (blue, green, red) of dots away from the glint
+FLANK = (0.006, 0.009, 0.008)  # M: reflectance of the dark edge of a filled dent
+BOTTOM_SHARE = 0.74  # E: radius of the bright bottom of a filled dent over that of the ink
+FLANK_SOFT_MM = 0.35  # E: width of the transition from bottom to flank
+SPILL_EDGE_MM = 0.6  # E: width of a spill's edge
+OUTWARD = 0.7  # E: by how much likelier ink spills at the rim, which a hand reaches badly, than at the tip
 
 
 def dent(canvas: Canvas, at: Array, radius_mm: float, depth_mm: float) -> None:
-    """The faint outline of a dent: its flank turns away from the light.
+    """Paint the faint outline of a dent without ink, whose flank faces away from the light.
 
     Args:
-        canvas: painted on.
+        canvas: canvas that is painted.
         at: centre of the dent on the sphere (3,), mm.
-        radius_mm, depth_mm: of the dent.
+        radius_mm, depth_mm: radius and depth of the dent, mm.
     """
     window, a, b, texel = canvas.patch(at, radius_mm + 0.5)
     width = max(0.5 * depth_mm, texel)
@@ -40,11 +40,11 @@ def ink_dot(canvas: Canvas, at: Array, radius_mm: float, paint: Paint, rng: np.r
     """Fill a dent, with ink spilled over its edge and smeared by a sleeve.
 
     Args:
-        canvas: painted on.
+        canvas: canvas that is painted.
         at: centre of the ink on the sphere (3,), mm.
-        radius_mm: of its dent.
+        radius_mm: radius of the dent, mm.
         paint: look of the ink.
-        rng: this dot's own random numbers.
+        rng: random numbers of this dot alone.
         smeared: whether a sleeve dragged ink along.
     """
     radius = radius_mm * paint.radius_scale * (1 + paint.size_spread * rng.standard_normal())
@@ -59,7 +59,7 @@ def ink_dot(canvas: Canvas, at: Array, radius_mm: float, paint: Paint, rng: np.r
 
 
 def _fill(canvas: Canvas, at: Array, radius: float, paint: Paint, rng: np.random.Generator) -> None:
-    """Wavy outline, a bottom of uneven tone that sits off the middle, and the dark flank between them."""
+    """Paint the ink in a dent: a wavy outline, an uneven bottom off the middle, and the dark flank between them."""
     window, a, b, texel = canvas.patch(at, 1.5 * radius)
     wave, inner_wave = (_wave(np.arctan2(b, a), rng) for _ in range(2))
     inside = radius * (1 + paint.roughness * wave) - np.hypot(a, b)
@@ -74,7 +74,7 @@ def _fill(canvas: Canvas, at: Array, radius: float, paint: Paint, rng: np.random
 
 
 def _spill(canvas: Canvas, at: Array, radius: float, paint: Paint, rng: np.random.Generator) -> None:
-    """A ragged lobe of thinner ink over the dent's edge."""
+    """Paint a ragged lobe of thinner ink over the dent's edge."""
     heading, size = rng.random() * 2 * np.pi, radius * rng.uniform(0.4, 0.85)
     window, a, b, texel = canvas.patch(at, 2.5 * radius)
     x, y = a - 0.75 * radius * np.cos(heading), b - 0.75 * radius * np.sin(heading)
@@ -86,7 +86,7 @@ def _spill(canvas: Canvas, at: Array, radius: float, paint: Paint, rng: np.rando
 
 
 def _smear(canvas: Canvas, at: Array, radius: float, rng: np.random.Generator) -> None:
-    """Thin ink dragged to one side: streaks of different lengths that fade."""
+    """Paint thin ink that was dragged to one side: streaks of different lengths that fade."""
     heading, length = rng.random() * 2 * np.pi, radius * rng.uniform(1.5, 3.0)
     window, a, b, _ = canvas.patch(at, radius + length)
     along, across = a * np.cos(heading) + b * np.sin(heading), b * np.cos(heading) - a * np.sin(heading)
@@ -104,13 +104,13 @@ def _wave(angle: Array, rng: np.random.Generator) -> Array:
 
 
 def dirt(canvas: Canvas, params: EndcapParams, paint: Paint, seed: int) -> None:
-    """False dots, specks and the written mark.
+    """Paint false dots, specks and the written mark.
 
     Args:
-        canvas: painted on.
+        canvas: canvas that is painted.
         params: the design.
-        paint: how many false dots and specks, look of the ink, text.
-        seed: fixes where they are.
+        paint: numbers of false dots and specks, look of the ink, text.
+        seed: seed of their places.
     """
     rng = np.random.default_rng([seed, 3])
     limit = np.cos(np.radians(params.view_rim_polar_deg))
@@ -131,7 +131,7 @@ def dirt(canvas: Canvas, params: EndcapParams, paint: Paint, seed: int) -> None:
 
 
 def _write(canvas: Canvas, params: EndcapParams, text: str) -> None:
-    """Letters 5 mm high between the first and the second ring of dots."""
+    """Paint letters 5 mm high between the first and the second ring of dots."""
     polar, azimuth = np.radians(20.0), np.radians(18.0)
     disc = polar * np.array([np.cos(azimuth), np.sin(azimuth)])
     n = len(canvas.texture)

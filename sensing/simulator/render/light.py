@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from sensing.simulator.render.settings import Lamp
 
 Array = NDArray[np.float64]
-SILICONE_SHININESS_LOG2 = 5  # exponent 32 (E)
-INK_SHININESS_LOG2 = 8  # exponent 256 (M: the glint is gone by the second ring of dots)
+SILICONE_SHININESS_LOG2 = 5  # E: log2 of the exponent, 32
+INK_SHININESS_LOG2 = 8  # M: log2 of the exponent, 256: the glint ends before the second ring of dots
 
 
 def led_positions_mm(lamp: Lamp) -> tuple[Array, Array]:
@@ -37,7 +37,7 @@ def tip_irradiance(lamp: Lamp, tip_height_mm: float) -> float:
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def unit(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The vector at length 1.
+    """The vector scaled to length 1.
 
     Args:
         x, y, z: components of the vector.
@@ -48,7 +48,7 @@ def unit(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def lobe(cosine: float, shininess_log2: int) -> float:
-    """``cosine`` to the power 2^shininess_log2; 0 from behind."""
+    """``cosine`` to the power 2^shininess_log2; 0 for light from behind."""
     cosine = max(cosine, 0.0)
     for _ in range(shininess_log2):
         cosine *= cosine
@@ -62,7 +62,7 @@ def shade(vertices: Array, normals: Array, pupil: Array, leds: Array, brightness
     Args:
         vertices: (n, 3) positions.
         normals: (n, 3) unit normals into the dome.
-        pupil: (3,) where the camera is.
+        pupil: (3,) entrance pupil of the camera.
         leds: (k, 3) LED positions.
         brightness: (k,) LED intensities.
 

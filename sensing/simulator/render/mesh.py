@@ -1,7 +1,7 @@
-"""The inner surface as triangles, and how displacements known at other nodes reach them.
+"""The inner surface as triangles, and the interpolation of displacements from other nodes.
 
 A square grid is mapped to a disc (Shirley and Chiu 1997, doi:10.1080/10867651.1997.10487479) and the disc to the
-sphere with radius = polar angle, so cells are of nearly one size and there is no pole of slivers. Endcap frame, mm.
+sphere with radius = polar angle, so cells have nearly one size and no pole has narrow triangles. Endcap frame, mm.
 Texture coordinates are the disc's: (polar cos azimuth, polar sin azimuth) in radians, polar angle from the tip.
 """
 
@@ -94,14 +94,14 @@ def vertex_normals(vertices_mm: Array, triangles: NDArray[np.int32]) -> Array:
 def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, neighbours: int = 14) -> csr_matrix:
     """Sparse (t, n) matrix from values at undeformed surface nodes to those at points of the surface.
 
-    Moving least squares with a quadratic polynomial in the tangent plane of each target: exact for quadratics, third
-    order in the node spacing, and needs no connectivity, so any mechanics mesh will do.
+    Moving least squares with a quadratic polynomial in the tangent plane of each target: exact for quadratics and third
+    order in the node spacing. No connectivity is needed, so any mesh of the mechanics can be used.
 
     Args:
         params: the design.
         from_mm: undeformed nodes of the inner surface (n, 3), mm.
         to_mm: points of the undeformed inner surface (t, 3), mm.
-        neighbours: nodes used for each point.
+        neighbours: number of nodes for each point.
 
     Raises:
         ParameterError: fewer than ``neighbours`` nodes, numbers that are not finite, nodes off the inner sphere by
@@ -133,7 +133,7 @@ def interpolation_matrix(params: EndcapParams, from_mm: Array, to_mm: Array, nei
 
 
 def _require_apart(nodes: Array, index: NDArray[np.int64]) -> None:
-    """Refuse neighbours (t, k) that lie at fewer places than a quadratic has coefficients."""
+    """Refuse neighbours (t, k) at fewer distinct places than a quadratic has coefficients."""
     places = np.unique(nodes, axis=0, return_inverse=True)[1].ravel()
     apart = 1 + (np.diff(np.sort(places[index], axis=1), axis=1) > 0).sum(axis=1)
     worst = int(apart.argmin())

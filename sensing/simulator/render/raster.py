@@ -1,6 +1,6 @@
 """Rasteriser: the point of the surface that each pixel sees, with a depth test for folds.
 
-Triangles are drawn straight between their projected corners; what the fisheye bends in between is part of the mesh
+Triangles are drawn straight between their projected corners; the fisheye's curvature between them is part of the mesh
 error measured in bench/bench_render.py (0.01 px at the default mesh). One core, compiled by numba.
 """
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
-CHANNELS = 5  # known to the compiler, which halves the time of the inner loop
-U1, U2, U3, U4, U5, U6, U7 = (np.uint64(n) for n in range(1, 8))  # places of channels in a texel and the next
-SLACK = 1e-9  # barycentric: a pixel on a shared edge belongs to both triangles, never to none
+CHANNELS = 5  # a constant for the compiler, which halves the time of the inner loop
+U1, U2, U3, U4, U5, U6, U7 = (np.uint64(n) for n in range(1, 8))  # offsets of channels in a texel and the next one
+SLACK = 1e-9  # barycentric: a pixel on a shared edge belongs to both triangles instead of none
 
 
 @numba.njit(cache=True)
@@ -26,8 +26,8 @@ def rasterise(
         pixels: (n, 2) projected vertices, ``nan`` where unseen (their triangles are dropped).
         depth: (n,) distance from the pupil.
         triangles: (m, 3) vertex numbers.
-        height: rows of the result.
-        width: columns of the result.
+        height: number of rows of the result.
+        width: number of columns of the result.
 
     Returns:
         Triangle number (h, w), -1 where nothing is seen; barycentric weights (h, w, 2) of its second and third corner;
@@ -72,8 +72,8 @@ def interpolate(owner: NDArray[np.int32], weights: Floats, values: Floats, trian
     """Vertex values at each pixel: (CHANNELS, h, w), 0 where nothing is seen.
 
     Args:
-        owner, weights: triangle of each pixel (h, w) and barycentric weights (h, w, 2), of :func:`rasterise`.
-        values: at the vertices (n, CHANNELS).
+        owner, weights: triangle (h, w) and barycentric weights (h, w, 2) of each pixel, from :func:`rasterise`.
+        values: values at the vertices (n, CHANNELS).
         triangles: (m, 3) vertex numbers.
     """
     height, width = owner.shape
@@ -103,16 +103,16 @@ def draw(
 ) -> tuple[Floats, bool]:
     """Light of every pixel of a surface without folds, from attributes known at every ``cell``-th pixel.
 
-    Disc coordinates and light vary slowly, so between the corners of a cell they are interpolated; the skin is looked
-    up at every pixel. Without the cells this is :func:`sensing.simulator.render.sensor.radiance_image`.
+    Disc coordinates and light vary slowly, so between the corners of a cell they are interpolated; the texture is
+    read at every pixel. Without cells this is :func:`sensing.simulator.render.sensor.radiance_image`.
 
     Args:
         owner: (gh, gw) triangle at the grid's points (pixel 0, cell, 2 cell, ... one beyond the picture), -1 for none.
         seen: (CHANNELS, gh, gw) disc x, disc y, irradiance, silicone lobe, ink lobe there.
-        cell: pixels between the grid's points.
-        texture: (t, t, 4) skin.
-        extent: disc coordinate of its edge.
-        transmission: (h, w) of the lens.
+        cell: distance of the grid's points, px.
+        texture: (t, t, 4) texture of the skin.
+        extent: disc coordinate of the texture's edge.
+        transmission: (h, w) transmission of the lens.
         weights: (3, 3) ambient light, silicone gloss and ink gloss, each per colour.
 
     Returns:
@@ -149,7 +149,7 @@ def _draw_run(
     transmission: Floats,
     weights: Floats,
 ) -> None:
-    """Pixels begin..end of row y inside one cell, ``low`` of the way down it; ``out`` is changed."""
+    """Draw pixels begin..end of row y inside one cell, at part ``low`` of its height; ``out`` is changed."""
     (y, begin, end), (gy, gx, low, share), (texels, scale, offset) = run, corner, lookup
     one, nil, stride, most = np.float32(1), np.float32(0), 4 * texels, np.float32(texels - 1.01)
     a0, a1, a2 = weights[0, 0], weights[0, 1], weights[0, 2]  # read once: stores to ``out`` could change them
@@ -186,7 +186,7 @@ def _draw_run(
 def _along(
     seen: Floats, channel: int, gy: int, gx: int, low: np.float32, share: np.float32
 ) -> tuple[np.float32, np.float32]:
-    """A channel at the left edge of a cell, ``low`` of the way down it, and its change a pixel to the right."""
+    """A channel at the left edge of a cell, at part ``low`` of its height, and its change per pixel to the right."""
     left = seen[channel, gy, gx] + low * (seen[channel, gy + 1, gx] - seen[channel, gy, gx])
     right = seen[channel, gy, gx + 1] + low * (seen[channel, gy + 1, gx + 1] - seen[channel, gy, gx + 1])
     return left, (right - left) * share

@@ -15,9 +15,9 @@ from sensing.simulator.render.settings import Optics, Sensor
 Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
 BRONZE = np.array([0.30, 0.55, 1.0], np.float32)  # colour of dried ink's reflection, BGR (M: dots at the tip)
-AMBIENT_TINT = np.array([1.0, 1.0, 0.6], np.float32)  # light that met teal silicone before (E)
-TONE_STEPS = 1 << 15
-TOE = 0.002  # below this signal the tone curve is straight: a power law would blow up the noise of black
+AMBIENT_TINT = np.array([1.0, 1.0, 0.6], np.float32)  # light that was reflected by teal silicone before (E)
+TONE_STEPS = 1 << 15  # steps of the tone curve's table
+TOE = 0.002  # signal below which the tone curve is straight: a power law would amplify the noise of black
 
 
 def radiance_image(seen: Floats, texture: Floats, extent: float, transmission: Floats, weights: Floats) -> Floats:
@@ -25,9 +25,9 @@ def radiance_image(seen: Floats, texture: Floats, extent: float, transmission: F
 
     Args:
         seen: (5, h, w) disc x, disc y, irradiance, silicone lobe, ink lobe.
-        texture: (n, n, 4) skin.
+        texture: (n, n, 4) texture of the skin.
         extent: disc coordinate of the texture's edge.
-        transmission: (h, w) of the lens, 0 where no surface is seen.
+        transmission: (h, w) transmission of the lens, 0 where no surface is seen.
         weights: (3, 3): ambient light, silicone gloss and ink gloss, each per colour.
     """
     n = len(texture)
@@ -69,9 +69,9 @@ def defocus(radiance: Floats, optics: Optics, edge_weight: Floats) -> Floats:
     """Blur that grows from the axis to the edge: a mix of two Gaussians.
 
     Args:
-        radiance: (h, w, 3).
+        radiance: (h, w, 3) light.
         optics: widths of both Gaussians, px at 480 rows.
-        edge_weight: (h, w) share of the wider one, 0..1.
+        edge_weight: (h, w) weight of the wider one, 0..1.
     """
     scale = radiance.shape[0] / 480
     middle = _gaussian(radiance, optics.defocus_px * scale)
@@ -104,11 +104,11 @@ def signal_of(radiance: Floats, noise: Floats, exposure: float, gain: float, ful
     signal = gain (exposure L + n sqrt(exposure L / F + (r / F)^2)).
 
     Args:
-        radiance: L (h, w, 3).
+        radiance: light L (h, w, 3).
         noise: n, standard normals, one for each number of ``radiance``.
-        exposure, gain: factors.
-        full_well: F, electrons at signal 1.
-        read: r, read noise, electrons.
+        exposure, gain: factors on the light and on the signal.
+        full_well: full well F, electrons at signal 1.
+        read: read noise r, electrons.
     """
     out = np.empty_like(radiance)
     light, result, normal = radiance.ravel(), out.ravel(), noise.ravel()
@@ -121,7 +121,7 @@ def signal_of(radiance: Floats, noise: Floats, exposure: float, gain: float, ful
 
 @numba.njit(cache=True, fastmath=True)
 def pixel_values(signal: Floats, table: Image) -> Image:
-    """8-bit values of a signal by the tone table, clipped at black and white."""
+    """8-bit values of a signal by the tone table, clipped to 0..255."""
     out = np.empty(signal.shape, np.uint8)
     flat, result = signal.ravel(), out.ravel()
     steps = np.float32(table.size - 1)
@@ -132,7 +132,7 @@ def pixel_values(signal: Floats, table: Image) -> Image:
 
 
 def develop(signal: Floats, sensor: Sensor) -> Image:
-    """Tone curve and the camera's sharpening."""
+    """Apply the tone curve and the camera's sharpening."""
     image = pixel_values(signal, tone_table(sensor))
     if sensor.sharpen > 0:
         sigma = 1.2 * image.shape[0] / 480
@@ -142,7 +142,7 @@ def develop(signal: Floats, sensor: Sensor) -> Image:
 
 
 def compress(image: Image, sensor: Sensor) -> bytes:
-    """JPEG bytes; none where the quality is 0."""
+    """JPEG bytes; empty where the quality is 0."""
     if sensor.jpeg_quality == 0:
         return b""
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])[1].tobytes()

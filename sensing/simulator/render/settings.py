@@ -1,8 +1,8 @@
 """Settings of a rendered frame: paint, light, lens and sensor, with the seed of its random numbers.
 
-Lengths in mm, pixels at the height of the rendered frame divided by 480 (so a setting means the same at any size),
-radiance such that sunlit white silicone would be 1. Defaults reproduce the released photos; the letters are those of
-docs/provenance.md.
+Lengths in mm; pixels at 480 rows, so that a setting means the same at any size (the scale is the height of the
+rendered frame over 480); radiance such that sunlit white silicone would be 1. Defaults reproduce the released photos;
+the letters are those of docs/provenance.md.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ Level = Literal["draft", "data", "fine", "reference"]
 
 @dataclass(frozen=True)
 class Paint:
-    """Ink and marks on the inner surface. Fractions are of all dots; which dots is drawn from the seed.
+    """Ink and marks on the inner surface. Fractions are of all dots; the seed determines which dots.
 
     Attributes:
-        unpainted: dents without ink, visible only as a faint outline.
-        missing: no dent at all.
-        smeared: ink dragged out of the dent.
-        extra: number of false dots the size of a real one, anywhere.
+        unpainted: fraction of dents without ink, visible only as a faint outline.
+        missing: fraction of dots without a dent.
+        smeared: fraction of dots with ink dragged out of the dent.
+        extra: number of false dots of the size of a real one, anywhere.
         specks: number of specks of 0.2 to 0.6 mm.
         digit: text written beside the tip, empty for none.
-        seams: draw the seams of the segmented core.
-        jitter_mm: hand-painting scatter of the ink's centre about the dent (M: 0.3, 1 px on the photos).
+        seams: whether the seams of the segmented core are drawn.
+        jitter_mm: standard deviation of the ink's centre about the dent's, mm (M: 0.3, 1 px on the photos).
         roughness: waviness of the ink's edge, fraction of the dot radius.
-        overflow: fraction of dots whose ink ran over the dent's edge, more of them toward the rim (M: photos).
+        overflow: fraction of dots whose ink spilled over the dent's edge, more of them toward the rim (M: photos).
         radius_scale: ink radius over dent radius (M: median area of the dots on the photos).
         size_spread: standard deviation of that radius from dot to dot, relative (M: likewise).
-        unevenness: how much the ink's tone varies inside a dot and between dots, 1 as on the photos.
+        unevenness: variation of the ink's tone inside a dot and between dots, 1 as on the photos.
         clouds: faint large-scale variation of the silicone's reflectance (E).
     """
 
@@ -58,16 +58,16 @@ class Lamp:
     """The LED ring.
 
     Attributes:
-        count: LEDs (S: 25 V string of 2.8 V parts).
-        radius_mm: ring radius (E: from the brightness profile of the photos; inside the 39.0 mm recess).
-        height_mm: emitters above the mating plane (E: likewise; the ring stands on a spacer beside the lens).
-        brightness: common factor.
+        count: number of LEDs (S: 25 V string of 2.8 V parts).
+        radius_mm: ring radius, mm (E: from the brightness profile of the photos; inside the 39.0 mm recess).
+        height_mm: height of the emitters above the mating plane, mm (E: likewise; on a spacer beside the lens).
+        brightness: factor on all LEDs.
         gradient: relative brightness change from the ring's middle to its brightest LED.
-        gradient_azimuth_deg: where that LED sits.
+        gradient_azimuth_deg: azimuth of that LED, degrees.
         dead: numbers of LEDs that are off.
         ambient: light scattered inside the dome, relative to the direct light at the tip (E).
-        gloss: mirror reflection of silicone (E: dusty, so broad and weak).
-        ink_gloss: bronze reflection of dried ink, what makes the dots at the tip look orange (M: photos).
+        gloss: specular reflection of silicone (E: dusty, so broad and weak).
+        ink_gloss: bronze reflection of dried ink, which makes the dots at the tip look orange (M: photos).
     """
 
     count: int = 9
@@ -84,14 +84,14 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Optics:
-    """The lens beyond its geometry.
+    """Settings of the lens besides its geometry.
 
     Attributes:
         defocus_px: Gaussian sigma of the blur on the axis, px at 480 rows.
-        defocus_edge_px: at the edge of the view.
+        defocus_edge_px: the same at the edge of the view, px at 480 rows.
         vignetting: exponent p of cos(theta / 2)^p.
-        circle_deg: half angle at which the image circle ends (M: 92 on the 720p photo).
-        circle_soft_deg: width of that edge.
+        circle_deg: half angle at which the image circle ends, degrees (M: 92 on the 720p photo).
+        circle_soft_deg: width of that edge, degrees.
     """
 
     defocus_px: float = 0.5
@@ -106,12 +106,12 @@ class Sensor:
     """Exposure, noise, tone curve and compression.
 
     Attributes:
-        exposure: factor on the light collected.
+        exposure: factor on the collected light.
         gain: factor on the signal after the noise of the light.
         full_well_e: electrons at signal 1.
-        read_noise_e: electrons, Gaussian (M: the black corners of the photos are that quiet).
-        gamma: signal to the power 1/gamma is the pixel value.
-        black: pixel value of no light.
+        read_noise_e: standard deviation, electrons (M: noise of the black corners of the photos).
+        gamma: the pixel value is the signal to the power 1/gamma.
+        black: pixel value without light.
         sharpen: amount of the camera's unsharp mask, which leaves the pale halo round the dots (M: photos).
         jpeg_quality: 1..100, or 0 for none.
     """
@@ -128,17 +128,17 @@ class Sensor:
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """All of a rendering. The same settings, displacement and frame number give the same bytes.
+    """All settings of a rendering. The same settings, displacement and frame number give the same bytes.
 
     Attributes:
-        seed: of paint and noise.
-        mesh: grid cells across the surface.
-        texels: width of the painted texture.
+        seed: seed of paint and noise.
+        mesh: number of grid cells across the surface.
+        texels: width of the painted texture, texels.
         supersample: rendered pixels per image pixel and axis.
-        cell: pixels between the points at which the surface is traced (1: at every pixel); folds are always traced at
+        cell: distance, px, of the points at which the surface is traced (1: at every pixel); folds are always traced at
             every pixel.
-        blur_frames: images averaged over the exposure when there is motion.
-        fresh_noise: draw every frame's noise anew; otherwise read it at a random place of a table (faster).
+        blur_frames: number of images averaged over the exposure when there is motion.
+        fresh_noise: whether every frame's noise is drawn anew; otherwise it is read from a table (faster).
         paint: see :class:`Paint`.
         lamp: see :class:`Lamp`.
         optics: see :class:`Optics`.
@@ -176,6 +176,7 @@ class RenderSettings:
             raise ParameterError(f"level={level!r} unknown: choose one of {', '.join(LEVELS)}", name="level") from None
 
 
+# Settings of each level, fast to exact.
 LEVELS: dict[str, dict[str, int | bool]] = {
     "draft": {"mesh": 48, "texels": 640, "supersample": 1, "cell": 8, "blur_frames": 2, "fresh_noise": False},
     "data": {"mesh": 96, "texels": 1280, "supersample": 1, "cell": 8, "blur_frames": 4, "fresh_noise": False},
@@ -183,6 +184,7 @@ LEVELS: dict[str, dict[str, int | bool]] = {
     "reference": {"mesh": 256, "texels": 4096, "supersample": 4, "cell": 1, "blur_frames": 16, "fresh_noise": True},
 }
 
+# Accepted range of each setting.
 _RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**63 - 1),
     "mesh": (8, 1024),

@@ -1,8 +1,8 @@
 """Paint on the undeformed inner surface: silicone, core seams, dents, ink, smears and dirt, as one texture.
 
 The texture is the disc of :mod:`sensing.simulator.render.mesh` (azimuth kept, radius = polar angle), so a texel has
-about the size of a pixel everywhere. Channels: linear reflectance blue, green, red, and how much of the texel is ink.
-Lengths in mm on the sphere, endcap frame. It is painted once for many frames.
+about the size of a pixel everywhere. Channels: linear reflectance blue, green, red, and fraction of ink in the texel.
+Lengths in mm on the sphere, endcap frame. One texture serves many frames.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sensing.simulator.render.ink import dent, dirt, ink_dot
 from sensing.simulator.render.settings import Paint
 
 # Reflectance (blue, green, red) against polar angle, such that the nominal lamp gives the released photos' medians (M).
-# It is the look of the whole wall: toward the rim the dark interlock shows through the silicone, in red first.
+# It is that of the whole wall: toward the rim the dark interlock shows through the silicone, in red first.
 SILICONE = np.array(
     [
         (0, 0.274, 0.332, 0.215),
@@ -36,13 +36,13 @@ SILICONE = np.array(
     ]
 )
 SEAM_WIDTH_MM = 0.35  # E
-SEAM_DEPTH = 0.14  # how much darker (E)
+SEAM_DEPTH = 0.14  # E: relative darkening
 BAND_WIDTH_MM = 1.1  # E: toward the rim the joints of the key pieces show as soft blue bands
-BAND_DEPTH = (0.10, 0.16, 0.45)  # E: of blue, green and red at the rim
-KEY_FACE = 0.60  # inner face of a key piece over the core's radius
-KEY_HALF_WIDTH = 0.58
+BAND_DEPTH = (0.10, 0.16, 0.45)  # E: relative darkening of blue, green and red at the rim
+KEY_FACE = 0.60  # distance of a key piece's inner face from the axis over the core's radius
+KEY_HALF_WIDTH = 0.58  # half the width of that face over the core's radius
 TAB_RADIUS_MM = 4.0  # E: circles beside the tip on the photos
-CORE_CLEARANCE_MM = 0.5
+CORE_CLEARANCE_MM = 0.5  # the core's radius is smaller than the bore by this
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Skin:
 
     Attributes:
         texture: (n, n, 4) float32 reflectance B, G, R and ink.
-        extent: disc coordinate (radians) of the texture's edge; texel (row, column) centres are at
+        extent: disc coordinate (radians) of the texture's edge; the centre of texel (row, column) is at
             ``((column + 0.5) / n * 2 - 1) * extent`` along x, rows along y.
-        ink_mm: (d, 3) centre of each dot's ink on the undeformed sphere; of its dent where there is no ink.
+        ink_mm: (d, 3) centre of each dot's ink on the undeformed sphere, mm; of its dent where there is no ink.
         painted: (d,) whether the dot has ink.
     """
 
@@ -68,9 +68,9 @@ def paint_skin(params: EndcapParams, paint: Paint, texels: int, seed: int) -> Sk
 
     Args:
         params: the design.
-        paint: what to paint.
-        texels: width of the texture.
-        seed: fixes which dots are unpainted, their edges, and the dirt; the same at every ``texels``.
+        paint: ink and marks.
+        texels: width of the texture, texels.
+        seed: seed of the unpainted dots, of the ink's edges and of the dirt; the same at every ``texels``.
     """
     rng = np.random.default_rng([seed, 1])
     canvas = Canvas.blank(params, texels)
@@ -95,7 +95,7 @@ def paint_skin(params: EndcapParams, paint: Paint, texels: int, seed: int) -> Sk
 
 
 def _silicone(canvas: Canvas, rng: np.random.Generator, strength: float) -> None:
-    """Base colour with faint clouds."""
+    """Paint the base colour with faint clouds."""
     n = len(canvas.texture)
     polar = np.degrees(np.arccos(np.clip((canvas.points[..., 2] - canvas.centre[2]) / canvas.radius, -1, 1)))
     clouds = smooth_noise(rng, 24, n)
@@ -105,7 +105,7 @@ def _silicone(canvas: Canvas, rng: np.random.Generator, strength: float) -> None
 
 
 def _seams(canvas: Canvas, params: EndcapParams, rng: np.random.Generator) -> None:
-    """Thin dark lines where the core's vertical joints cut the sphere.
+    """Paint thin dark lines where the core's vertical joints meet the sphere.
 
     Seen from above: a centre piece with three wide faces (key pieces, at azimuths 0, 120, 240) and three narrow ones
     (wedge pieces), a round tab in the middle of every wide face, and the straight sides of the keys out to the rim.
@@ -140,9 +140,9 @@ def smooth_noise(rng: np.random.Generator, cells: int, texels: int) -> Array:
     """(texels, texels) standard normals at ``cells`` x ``cells`` points, smooth between.
 
     Args:
-        rng: source of the normals.
-        cells: points along a side.
-        texels: side of the result.
+        rng: source of random numbers.
+        cells: number of points along a side.
+        texels: width of the result, texels.
     """
     return np.asarray(cv2.resize(rng.normal(0, 1, (cells, cells)), (texels, texels), interpolation=cv2.INTER_CUBIC))
 
@@ -154,9 +154,9 @@ def _turned(canvas: Canvas, angle: float) -> tuple[Floats, Floats]:
 
 
 def _face_distance(x: Floats, y: Floats, face: float, half: float) -> Floats:
-    """Distance (mm, in plan) to a face at ``x = face`` whose middle bulges out in a round tab."""
+    """Distance (mm, in plan) to a face at ``x = face`` with a round tab in its middle."""
     tab = min(TAB_RADIUS_MM, 0.6 * half)
-    neck = 0.8 * tab  # the tab's circle stands off so that its neck is narrower than the tab
+    neck = 0.8 * tab  # the circle is offset, so that its neck is narrower than the tab
     centre = face + np.sqrt(tab**2 - neck**2)
     flat = np.where((np.abs(y) <= half) & (np.abs(y) >= neck), np.abs(x - face), np.inf)
     circle = np.where(x >= face, np.abs(np.hypot(x - centre, y) - tab), np.inf)

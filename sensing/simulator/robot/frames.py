@@ -1,10 +1,10 @@
-"""Pictures of the robot scene on a clock: what six cameras would see, rendered once and kept.
+"""Pictures of the robot scene over time: those of its six cameras, rendered once and cached.
 
     film = load_film(Path.home() / ".cache/endcap")             # of D=130 T=8; or RobotDesign(EndcapParams(180, 10))
     film.jpeg(endcap, tick), film.truth(endcap, tick)           # tick: 1/30 s, the scene repeats after film.ticks
 
-Every picture has noise of its own or that of one of three variants: no two that follow one another are equal. Forces in
-N, torques in N m on the endcap, endcap frame.
+Every picture has noise of its own or that of one of three variants, so that no two consecutive ones are equal. Forces
+in N, torques in N m on the endcap, endcap frame.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from cad.whole_file import put_file
 from sensing.simulator.robot.scene import ENDCAPS, FILE, PARAMS, RobotScene, load_scene
 from sensing.simulator.robot.statics import WEIGHT_N
 
-RATE_HZ = 30.0
-REST, RAMP, HOLD, GAP = 75, 30, 60, 30  # ticks: in the air, let down, standing, between stands
-VARIANTS = 3  # noise of pictures that are shown again
+RATE_HZ = 30.0  # frame rate of the cameras; a tick is one frame
+REST, RAMP, HOLD, GAP = 75, 30, 60, 30  # ticks in the air, while lowered, standing, between stands
+VARIANTS = 3  # number of noise patterns of pictures that are shown again
 Key = tuple[int, int, int, int]  # endcap, stand (-1 at rest), ramp step, variant
 
 
 @dataclass(frozen=True)
 class RobotDesign:
-    """Which robot: all six endcaps are alike.
+    """Design of a robot with six equal endcaps.
 
     Attributes:
         params: the design.
@@ -47,16 +47,16 @@ class RobotDesign:
 
     @property
     def released(self) -> bool:
-        """Whether the states that ship are its own; another size takes them from the library."""
+        """Whether the states that ship are those of this design; other sizes take them from the library."""
         return self.params == PARAMS and self.silicone == DEFAULT_SILICONE
 
     @property
     def label(self) -> str:
-        """Part of a file's name."""
+        """Part of the cache file's name."""
         return f"{self.params.label}_{hashlib.sha256(self.silicone.encode()).hexdigest()[:6]}"
 
     def scene(self) -> tuple[RobotScene, float]:
-        """(its states, its weight in N)."""
+        """(states of the scene, weight of the robot in N)."""
         if self.released:
             return load_scene(), WEIGHT_N
         from sensing.simulator.similarity.stands import robot_of
@@ -66,11 +66,11 @@ class RobotDesign:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where the scene is.
+    """Moment of the scene.
 
     Attributes:
         stand: 0, 1, 2 for one, two, three endcaps on the ground; -1 in the air.
-        step: of the ramp, 0..RAMP.
+        step: step of the ramp, 0..RAMP.
     """
 
     stand: int
@@ -78,7 +78,7 @@ class Moment:
 
 
 def timeline() -> tuple[Moment, ...]:
-    """The moments of one round, one a tick."""
+    """The moments of one round, one for each tick."""
     moments = [Moment(-1, 0)] * REST
     for stand in range(3):
         down = [Moment(stand, step) for step in range(1, RAMP + 1)]
@@ -92,9 +92,9 @@ class Film:
 
     Attributes:
         scene: its states.
-        pictures: JPEG by key.
-        moments: of one round.
-        weight_n: of the robot.
+        pictures: JPEG bytes by key.
+        moments: moments of one round.
+        weight_n: weight of the robot, N.
     """
 
     scene: RobotScene
@@ -104,7 +104,7 @@ class Film:
 
     @property
     def ticks(self) -> int:
-        """Length of one round."""
+        """Number of ticks in one round."""
         return len(self.moments)
 
     def jpeg(self, endcap: int, tick: int) -> bytes:
@@ -113,12 +113,12 @@ class Film:
         return self.pictures[_key(self.scene, endcap, moment, tick)]
 
     def touching(self, tick: int) -> tuple[bool, ...]:
-        """Which endcaps carry load."""
+        """Whether each endcap carries load."""
         moment = self.moments[tick % self.ticks]
         return tuple(moment.stand >= 0 and bool(self.scene.touching[moment.stand, endcap]) for endcap in range(ENDCAPS))
 
     def truth(self, endcap: int, tick: int) -> NDArray[np.float64]:
-        """(6,) wrench on an endcap."""
+        """(6,) wrench on an endcap, N and N m."""
         moment = self.moments[tick % self.ticks]
         if moment.stand < 0 or not self.scene.touching[moment.stand, endcap]:
             return np.zeros(6)
@@ -128,16 +128,16 @@ class Film:
 def load_film(
     folder: Path | None = None, progress: Callable[[int, int], None] | None = None, robot: RobotDesign | None = None
 ) -> Film:
-    """The film, from ``folder`` where an earlier call left it, else rendered (some seconds) and left there.
+    """The film, read from ``folder`` if an earlier call wrote it, else rendered (some seconds) and written.
 
     Args:
-        folder: None to keep nothing.
+        folder: folder of the cache; None keeps nothing.
         progress: called with (pictures made, pictures in all).
-        robot: which one; None for that of D=130 T=8.
+        robot: design of the robot; None for D=130 T=8.
 
     Raises:
         ParameterError: a design outside the library of states.
-        FileError: no states.
+        FileError: the states of the scene are missing.
     """
     robot = robot or RobotDesign()
     (scene, weight_n), moments = robot.scene(), timeline()
@@ -162,7 +162,7 @@ def _key(scene: RobotScene, endcap: int, moment: Moment, tick: int) -> Key:
 def _render(
     scene: RobotScene, params: EndcapParams, keys: list[Key], progress: Callable[[int, int], None]
 ) -> dict[Key, bytes]:
-    from sensing.simulator.render.dome import DomeRenderer  # half a second that kept pictures do not need
+    from sensing.simulator.render.dome import DomeRenderer  # takes half a second, which cached pictures do not need
     from sensing.simulator.render.settings import Paint, RenderSettings
 
     pictures: dict[Key, bytes] = {}
@@ -179,7 +179,7 @@ def _render(
 
 
 def _digest(robot: RobotDesign) -> str:
-    """Of everything that the pictures depend on."""
+    """Digest of everything on which the pictures depend."""
     found = hashlib.sha256(FILE.read_bytes())
     library = FILE.parents[1] / "similarity"
     for path in sorted([*FILE.parents[1].glob("render/*.py"), *library.glob("*.py"), Path(__file__)]):
@@ -189,7 +189,7 @@ def _digest(robot: RobotDesign) -> str:
 
 
 def _read(path: Path, keys: list[Key]) -> dict[Key, bytes] | None:
-    """Pictures of a file; None if it is not there or not whole."""
+    """Pictures of a file; None if it is missing or incomplete."""
     damaged = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
     with contextlib.suppress(*damaged), np.load(path, allow_pickle=False) as data:
         ends, joined = data["end"].tolist(), data["jpeg"].tobytes()
@@ -199,7 +199,7 @@ def _read(path: Path, keys: list[Key]) -> dict[Key, bytes] | None:
 
 
 def _keep(path: Path, pictures: dict[Key, bytes], robot: RobotDesign) -> None:
-    """Leave the pictures for the next time; where that is not possible, they are made again."""
+    """Write the pictures into the cache; if that fails, the next call renders them again."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         for old in path.parent.glob(f"robot_scene_{robot.label}_*.npz"):  # of an earlier version of the renderer

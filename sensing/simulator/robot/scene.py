@@ -1,6 +1,6 @@
 """The robot that ``python -m sensing.live`` shows without cameras: lowered onto one, two and three of its endcaps.
 
-    python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it anew (minutes)
+    python -m sensing.simulator.robot.scene --out sensing/simulator/robot/scene.npz     # solves it again (minutes)
 
 The file holds solved states only: displacement fields of the inner surface at the nodes of the renderer's draft mesh,
 as a few modes, and their wrenches. Between two solved loads field and wrench are interpolated linearly. N, mm, N m;
@@ -40,27 +40,27 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import turn_about_axis, turn_wrench
 
 Array = NDArray[np.float64]
-FILE = Path(__file__).with_name("scene.npz")
-PARAMS = EndcapParams(130.0, 8.0)
-ENDCAPS = 6
-FRICTION = 0.6
-SEED = 3
-MIRROR_N = 1e-6
-SHARES = (0.05, 0.15, 0.3, 0.5, 0.75, 1.0)  # of the load, solved
-MODE_ERROR_MM = 0.01  # largest error of a node that leaving out modes may make
+FILE = Path(__file__).with_name("scene.npz")  # states that ship
+PARAMS = EndcapParams(130.0, 8.0)  # design of the endcaps
+ENDCAPS = 6  # of the robot
+FRICTION = 0.6  # Coulomb coefficient between endcaps and ground
+SEED = 3  # of the stands
+MIRROR_N = 1e-6  # lateral force that counts as rounding, so that half of the mesh suffices
+SHARES = (0.05, 0.15, 0.3, 0.5, 0.75, 1.0)  # parts of the load at which states are solved
+MODE_ERROR_MM = 0.01  # largest error of a node by modes that are left out
 
 
 @dataclass(frozen=True)
 class RobotScene:
-    """Solved states of three stands.
+    """Solved states of the three stands.
 
     Attributes:
-        T_robot_endcap: (6, 4, 4) how the endcaps are screwed on, mm.
-        R_world_robot: (3, 3, 3) of each stand.
-        touching: (3, 6) which endcaps stand.
-        azimuth_deg: (3, 6) of the contact, endcap frame.
-        wrench: (3, 6, S, 6) on the endcap, N and N m, for the :data:`SHARES`.
-        coefficients: (3, 6, S, M) of the modes.
+        T_robot_endcap: (6, 4, 4) mounting of the endcaps, mm.
+        R_world_robot: (3, 3, 3) attitude of each stand.
+        touching: (3, 6) whether the endcap carries load.
+        azimuth_deg: (3, 6) azimuth of the contact, endcap frame, degrees.
+        wrench: (3, 6, S, 6) wrench on the endcap, N and N m, at the :data:`SHARES`.
+        coefficients: (3, 6, S, M) coefficients of the modes.
         modes: (M, n, 3) mm at the renderer's draft nodes.
     """
 
@@ -77,15 +77,15 @@ class RobotScene:
 
         Args:
             stand: 0, 1, 2: on one, two, three endcaps.
-            endcap: 0 to 5.
-            share: of its load, 0..1.
+            endcap: number of the endcap, 0 to 5.
+            share: part of its load, 0..1.
         """
         shares = (0.0, *SHARES)
         zero = np.zeros(1)
         coefficients = np.array(
             [
                 np.interp(share, shares, np.concatenate([zero, column]))
-                for column in self.coefficients[stand, endcap].T  # no load: no displacement
+                for column in self.coefficients[stand, endcap].T  # the displacement without load is zero
             ]
         )
         wrench = np.array(
@@ -129,7 +129,7 @@ class ScenePlan:
         return [(s, int(endcap)) for s, stand in enumerate(self.stands) for endcap in np.flatnonzero(stand.touching)]
 
     def path(self, stand: int, endcap: int) -> tuple[LoadPath, float]:
-        """Loading of an endcap and the azimuth of its contact."""
+        """Loading path of an endcap, and azimuth of its contact, degrees."""
         return _path(self.stands[stand], endcap, self.R_world_robot[stand] @ self.T_robot_endcap[endcap, :3, :3])
 
 
@@ -147,8 +147,8 @@ def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int)
     """((S, n, 3) displacement at azimuth 0 at the renderer's draft nodes, (S, 6) wrench in N and N m).
 
     Args:
-        simulator: of the shell.
-        plan: what is to be solved.
+        simulator: simulator of the shell.
+        plan: plan of the scene.
         stand, endcap: one of :meth:`ScenePlan.places`.
 
     Raises:
@@ -168,7 +168,7 @@ def solve_endcap(simulator: Simulator, plan: ScenePlan, stand: int, endcap: int)
 
 
 def assemble_scene(plan: ScenePlan, solved: dict[tuple[int, int], tuple[Array, Array]]) -> RobotScene:
-    """The scene from its solved endcaps."""
+    """The scene of the states of its solved endcaps."""
     nodes = next(iter(solved.values()))[0].shape[1]
     fields, wrench = np.zeros((3, ENDCAPS, len(SHARES), nodes, 3)), np.zeros((3, ENDCAPS, len(SHARES), 6))
     azimuth = np.zeros((3, ENDCAPS))
@@ -180,14 +180,14 @@ def assemble_scene(plan: ScenePlan, solved: dict[tuple[int, int], tuple[Array, A
 
 
 def save_scene(scene: RobotScene, path: Path) -> None:
-    """Write under a temporary name, then rename."""
+    """Write the scene under a temporary name, then rename the file."""
     content = {name: getattr(scene, name) for name in RobotScene.__dataclass_fields__}
     np.savez_compressed(buffer := io.BytesIO(), **content)
     put_file(path, buffer.getvalue())
 
 
 def _screwed_on(rng: np.random.Generator) -> Array:
-    """(6, 4, 4) endcap to robot: z outward along the bar, random turn about it; tip sphere at the prism's corner."""
+    """(6, 4, 4) T_robot_endcap, mm: z outward along the bar, turned at random; tip sphere at the prism's corner."""
     endcaps = prism_mm()
     poses = np.tile(np.eye(4), (ENDCAPS, 1, 1))
     for endcap in range(ENDCAPS):
@@ -203,7 +203,7 @@ def _screwed_on(rng: np.random.Generator) -> Array:
 
 
 def _attitude(stand: Stand) -> Array:
-    """(3, 3) robot to world of a stand (Kabsch 1976, doi:10.1107/S0567739476001873)."""
+    """(3, 3) rotation from robot to world axes of a stand (Kabsch 1976, doi:10.1107/S0567739476001873)."""
     upright = prism_mm()
     covariance = (stand.centre_mm - stand.centre_mm.mean(0)).T @ (upright - upright.mean(0))
     left, _, right = np.linalg.svd(covariance)
@@ -211,7 +211,7 @@ def _attitude(stand: Stand) -> Array:
 
 
 def _path(stand: Stand, endcap: int, rotation: Array) -> tuple[LoadPath, float]:
-    """Loading of one endcap in its own frame, and the azimuth of its contact."""
+    """Loading path of one endcap in its own frame, and azimuth of its contact, degrees."""
     outward = -rotation[2]  # straight down
     tilt = math.degrees(math.acos(float(np.clip(outward[2], -1, 1))))
     azimuth = math.degrees(math.atan2(outward[1], outward[0]))
@@ -219,7 +219,7 @@ def _path(stand: Stand, endcap: int, rotation: Array) -> tuple[LoadPath, float]:
     force, normal = rotation.T @ stand.force_n[endcap], float(stand.force_n[endcap, 2])
     pull = float(force @ meridian), float(force @ lateral)
     if abs(pull[1]) < MIRROR_N:
-        pull = pull[0], 0.0  # rounding alone must not cost the whole mesh
+        pull = pull[0], 0.0  # rounding must not require the whole mesh
     points = [Waypoint("stand", Target(normal_n=s * normal, tangential_n=(s * pull[0], s * pull[1]))) for s in SHARES]
     return LoadPath(endcap, tilt, FRICTION, (azimuth,), timed(points)), azimuth
 
@@ -237,7 +237,7 @@ def _modes(fields: Array) -> tuple[Array, NDArray[np.float16]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Solve and write; returns the exit status."""
+    """Solve and write the scene; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog=program("python -m sensing.simulator.robot.scene"), description="Solve the scene."
     )

@@ -1,9 +1,9 @@
 """Statics of the three-bar robot: which endcaps stand on the ground and what each carries (N, mm; world z up).
 
 Three bars form a twisted prism: bar i runs from endcap 2i on the lower ring to endcap 2i + 1 on the upper one. The
-robot weighs 12 kg (P); its size is ours (E). It stands on three endcaps, or is held by ropes at the endcaps that do
-not: then two, one or none touch, as in the paper's four configurations. Endcaps count as rigid spheres: that a loaded
-endcap sinks by some millimetres on a base of half a metre changes the loads by under 2 %.
+robot weighs 12 kg (P); its size is ours (E). It stands on three endcaps, or ropes hold it at endcaps that do not touch:
+then two, one or none touch, as in the paper's four configurations. Endcaps count as rigid spheres: a loaded
+endcap on a base of half a metre sinks by some millimetres, which changes the loads by under 2 %.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ WEIGHT_N = MASS_KG * GRAVITY_M_S2
 RING_RADIUS_MM = 320.0  # E
 BAR_MM = 900.0  # E: between the centres of its two endcaps
 TWIST_DEG = 150.0  # of the upper ring against the lower one: pi/2 + pi/n, the n-strut prism's only prestressed state
-PAYLOAD_MM = 60.0  # E: the centre of mass lies at random within this of the middle
-TIP_RANGE_DEG = (2.0, 10.0)  # how far ropes lift a side
-PULL_SHARE = 0.5  # of the friction limit that cables may spread between two endcaps
+PAYLOAD_MM = 60.0  # E: the centre of mass lies at random within this distance of the middle
+TIP_RANGE_DEG = (2.0, 10.0)  # tilt of the robot when ropes lift a side
+PULL_SHARE = 0.5  # part of the friction limit that cables may pull between two endcaps
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class Stand:
     """The robot on the ground.
 
     Attributes:
-        rotation: (6, 3, 3) endcap axes in the world.
-        centre_mm: (6, 3) of the endcaps' spheres, lowest at height 0.
-        mass_centre_mm: (3,).
-        touching: (6,) which endcaps stand.
-        force_n: (6, 3) of the ground on each endcap.
-        rope_n: (6,) upward, of the rope at each endcap.
+        rotation: (6, 3, 3) rotation from endcap to world axes.
+        centre_mm: (6, 3) centres of the endcaps' spheres, mm, the lowest at height 0.
+        mass_centre_mm: (3,) centre of mass, mm.
+        touching: (6,) whether the endcap carries load.
+        force_n: (6, 3) force of the ground on each endcap, N.
+        rope_n: (6,) upward force of the rope at each endcap, N.
     """
 
     rotation: Array
@@ -68,8 +68,8 @@ def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> St
 
     Args:
         rng: source of the random numbers.
-        contacts: how many endcaps stand, 0 to 3.
-        friction: Coulomb's mu; it limits what cables pull.
+        contacts: number of endcaps that stand, 0 to 3.
+        friction: Coulomb's mu; it limits the cables' horizontal forces.
     """
     endcaps = prism_mm() @ _rotation([0, 0, 1], float(rng.uniform(0, 2 * math.pi))).T
     middle = endcaps.mean(axis=0) + PAYLOAD_MM * rng.uniform(-1, 1, 3) / math.sqrt(3)
@@ -99,7 +99,7 @@ def supports(places_mm: Array, mass_centre_mm: Array) -> Array:
 def _cables(
     rng: np.random.Generator, endcaps: Array, standing: NDArray[np.int64], normal_n: Array, friction: float
 ) -> Array:
-    """Horizontal forces (6, 3) that tensioned cables spread between standing endcaps, along their lines; sum zero."""
+    """Horizontal forces (6, 3), N, of tensioned cables between standing endcaps, along their lines; the sum is zero."""
     force = np.zeros((6, 3))
     for first in range(len(standing)):
         for second in range(first):
@@ -114,7 +114,7 @@ def _cables(
 
 
 def _endcap_axes(rng: np.random.Generator, endcaps: Array) -> Array:
-    """Endcap axes in the world (6, 3, 3): z outward along the bar, turned about it as it was screwed on."""
+    """Endcap axes in the world (6, 3, 3): z outward along the bar, with a random turn about it."""
     axes = []
     for endcap in range(6):
         outward = endcaps[endcap] - endcaps[endcap ^ 1]
@@ -128,7 +128,7 @@ def _endcap_axes(rng: np.random.Generator, endcaps: Array) -> Array:
 
 
 def _edge(endcaps: Array, standing: NDArray[np.int64], hung: NDArray[np.int64]) -> Array:
-    """Horizontal axis through what stands, about which the hung side rises."""
+    """Horizontal axis through the standing endcaps, about which the lifted side rises."""
     away = endcaps[hung].mean(axis=0) - endcaps[standing].mean(axis=0)
     line = endcaps[standing[1]] - endcaps[standing[0]] if len(standing) == 2 else np.cross([0.0, 0.0, 1.0], away)
     line = line / np.linalg.norm(line)

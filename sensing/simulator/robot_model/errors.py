@@ -1,4 +1,4 @@
-"""How far the fitted springs are from the pressed shell: normal force, shear force, torque at the mount."""
+"""Errors of the fitted springs against the pressed shell: normal force, shear force, torque at the mount."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sensing.simulator.robot_model.pressed import PressedStates
 from sensing.simulator.robot_model.stiffness import DEPTHS_MM
 from sensing.simulator.solid.element import Array
 
-TORQUE_LIMIT = 0.2  # relative error of the torque at the mount
+TORQUE_LIMIT = 0.2  # relative error of the torque at the mount that counts as right
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class FitErrors:
     """Errors over the depths of the fit, as ratios.
 
     Attributes:
-        fitted, held_out: largest relative error of the normal force, at tilts that the fit saw and others.
+        fitted, held_out: largest relative error of the normal force, at tilts of the fit and at others.
         by_tilt: tilt in degrees -> largest relative error of the normal force.
         shear: median of the model's shear force over the shell's, after the same travel sideways.
         torque_same_force, torque_same_motion: part of the states whose torque at the mount is within
-            :data:`TORQUE_LIMIT`, when the model bears the shell's force, and when it makes the shell's motion.
+            :data:`TORQUE_LIMIT`, if the model bears the shell's force, and if it follows the shell's motion.
     """
 
     fitted: float
@@ -36,7 +36,7 @@ class FitErrors:
 
 
 def fit_errors(model: RobotModel) -> FitErrors:
-    """Compare a model with the states of its shell."""
+    """Errors of a model against the states of its shell."""
     states = model.states.between(*DEPTHS_MM)
     force = model.stiffness.force_in_contact(states)
     error, pressed = np.abs(force[:, 0] / states.force_n[:, 0] - 1), states.is_pressed_only
@@ -54,7 +54,7 @@ def fit_errors(model: RobotModel) -> FitErrors:
 
 
 def _within(model: RobotModel, states: PressedStates, force_n: Array) -> float:
-    """Part of the states whose torque about the mating plane's centre is right, the forces at the sphere's contact."""
+    """Part of the states with the right torque about the mating plane's centre, for forces at the sphere's contact."""
     radius, height = model.params.outer_radius_mm, model.params.centre_height_mm
     centre = height * np.array([Indenter(tilt).frame()[2] for tilt in states.tilt_deg])  # z in contact axes
     contact = centre + np.column_stack([radius - states.depth_mm, states.shift_mm])

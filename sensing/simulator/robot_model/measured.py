@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,23 +17,33 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.robot_model.model import FRICTION
 from sensing.simulator.solid.element import Array
 
+# Time in which the load rises; time before creep is measured; time over which it is measured.
 RAMP_S, SETTLED_S, CREEP_S = 1.0, 1.0, 1.0
-SAMPLED_STEPS = 5
-STIFF_N_M = 5e3  # of the springs, about: for brakes near the aperiodic limit
-CARRIED_KG = (1.0, 12.0)
+SAMPLED_STEPS = 5  # time steps between samples of a ramp
+STIFF_N_M = 5e3  # approximate stiffness of the springs: gives brakes near the aperiodic limit
+CARRIED_KG = (1.0, 12.0)  # masses besides the endcap with which it is measured
 GRAVITY_M_S2 = 9.81
-CREEP_N, CREEP_SHARE = 20.0, 0.5  # normal force, and which part of its friction pulls along the plane
+CREEP_N, CREEP_SHARE = 20.0, 0.5  # normal force, N, and part of the friction limit that pulls along the plane
+
+
+class _Sample(NamedTuple):
+    """Readings of one time step: depth, mm; normal force, N; (6,) sensors and (6,) wrench of the ground, N and N m."""
+
+    depth_mm: float
+    normal_n: float
+    sensor: Array
+    contact: Array
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """One slow loading.
+    """Samples of one slow loading.
 
     Attributes:
-        depth_mm, normal_n: (n,) of the contact, rising.
-        sensor: (n, 6) force and torque sensors, N and N m.
-        contact: (n, 6) wrench of the ground on the endcap about the mating plane's centre, the same units.
-        shell_n: (3,) weight of the moving shell, which the sensors feel too.
+        depth_mm, normal_n: (n,) depth, mm, and normal force, N, of the contact, rising.
+        sensor: (n, 6) readings of the force and torque sensors, N and N m.
+        contact: (n, 6) wrench of the ground on the endcap about the mating plane's centre, N and N m.
+        shell_n: (3,) weight of the moving shell, N, which the sensors measure, too.
     """
 
     depth_mm: Array
@@ -43,30 +53,30 @@ class Ramp:
     shell_n: Array
 
     def normal_at(self, depth_mm: Array) -> Array:
-        """Normal force at depths; NaN beyond."""
+        """Normal force, N, at depths, mm; NaN beyond the largest depth."""
         order = np.argsort(self.depth_mm)
         return np.interp(depth_mm, self.depth_mm[order], self.normal_n[order], right=np.nan)
 
     @property
     def sensor_error_n(self) -> float:
-        """Largest difference of the force sensor's negative and the ground's force on the endcap, shell's weight added.
+        """Largest error of the force sensor, N, against the ground's force on the endcap plus the shell's weight.
 
-        Over the second half: at first touch the shell's own inertia is in it.
+        It is taken over the second half, because at first touch the shell's own inertia acts on the sensor.
         """
         late = slice(len(self.sensor) // 2, None)
         return float(np.abs(self.sensor[late, :3] + self.contact[late, :3] + self.shell_n).max())
 
 
 class Rig:
-    """An endcap's file on a slide over a plane.
+    """Test rig: an endcap's file on a slide over a plane.
 
     Args:
         path: MJCF of one endcap.
-        tilt_deg, azimuth_deg: where the plane touches.
-        carried_kg: mass carried besides the endcap.
-        travels: whether it may also move along the meridian. Where it may not, the friction is at least that of a dry
-            floor, because the shell's states that it is compared with belong to a contact that does not slip.
-        name: of its body.
+        tilt_deg, azimuth_deg: polar angle and azimuth of the plane's first touch, degrees.
+        carried_kg: mass besides the endcap, kg.
+        travels: whether the endcap may also move along the meridian. Where it may not, the friction is at least that
+            of a dry floor, because the shell's states that it is compared with belong to a contact that does not slip.
+        name: name of its body in the file.
 
     Raises:
         FileError: MuJoCo cannot read the file.
@@ -102,7 +112,7 @@ class Rig:
             body.add_joint(name="travel", type=kind, axis=list(self.meridian))
         else:
             sphere.friction[0] = max(sphere.friction[0], FRICTION)
-        sphere.parent.gravcomp = 1.0  # the pressed shell that it is compared with has no weight
+        sphere.parent.gravcomp = 1.0  # the pressed shell of the comparison has no weight
         load = body.add_body(name="carried")
         load.mass, load.inertia, load.explicitinertial = carried_kg, [carried_kg * 1e-3] * 3, True
         spec.worldbody.add_geom(
@@ -112,7 +122,7 @@ class Rig:
         spec.option.gravity = list(GRAVITY_M_S2 * self.outward)
 
     def ramp(self, top_n: float) -> Ramp:
-        """Load slowly from nothing."""
+        """Load the endcap slowly from zero to ``top_n``, N."""
         steps, rows = round(RAMP_S / self.model.opt.timestep), []
         for k in range(1, steps + 1):
             self._step(top_n * k / steps)
@@ -123,7 +133,7 @@ class Rig:
         return Ramp(depth, normal, sensor, contact, shell)
 
     def creep_mm_s(self) -> float:
-        """How fast it travels under a steady pull within friction; the rig must travel."""
+        """Speed of slip under a steady pull within friction, mm/s; the rig must travel."""
         mu = float(self.model.geom(f"{self.name}_sphere").friction[0])
         first, last = (round(t / self.model.opt.timestep) for t in (SETTLED_S, SETTLED_S + CREEP_S))
         places = []
@@ -134,11 +144,11 @@ class Rig:
         return 1000 * abs(places[last - 1] - places[first]) / CREEP_S
 
     def step_free(self) -> None:
-        """One step under nothing but gravity."""
+        """One time step under gravity alone."""
         self._mujoco.mj_step(self.model, self.data)
 
     def _step(self, load_n: float, pull_n: float = 0.0) -> None:
-        """One step under a load, and a pull along the plane where the rig travels; the rig brakes."""
+        """One time step under a load and, where the rig travels, a pull along the plane, N; the slides are damped."""
         data, brake = self.data, 2 * np.sqrt(STIFF_N_M * self._mass_kg)
         forces = {"depth": load_n - self.weight_n} | ({"travel": pull_n} if self._travels else {})
         for joint, force in forces.items():
@@ -146,12 +156,13 @@ class Rig:
             place.qfrc_applied[0] = force - brake * float(place.qvel[0])
         self._mujoco.mj_step(self.model, data)
 
-    def _read(self) -> tuple[float, float, Array, Array]:
-        """Depth, normal force, sensors, wrench of the ground."""
+    def _read(self) -> _Sample:
+        """The readings of the present time step."""
         self._mujoco.mj_forward(self.model, self.data)
         contact = self._contact()
         sensed = np.concatenate([self.data.sensor(f"{self.name}_{kind}").data for kind in ("force", "torque")])
-        return 1000 * float(self.data.joint("depth").qpos[0]), float(-contact[:3] @ self.outward), sensed, contact
+        depth_mm = 1000 * float(self.data.joint("depth").qpos[0])
+        return _Sample(depth_mm, float(-contact[:3] @ self.outward), sensed, contact)
 
     def _contact(self) -> Array:
         """(6,) wrench of the ground on the endcap about the mating plane's centre, endcap axes."""

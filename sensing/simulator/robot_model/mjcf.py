@@ -3,11 +3,11 @@
     pieces = endcap_pieces(model, bodies, "foot_1", 'pos="0 0 0.45"')
     f"<worldbody><body name='bar'>...{pieces.body}</body></worldbody><tendon>{pieces.tendons}</tendon>..."
 
-Body NAME is what is screwed on, its frame that of the endcap (origin at the centre of the mating plane, z to the tip).
+Body NAME is the rigid part, its frame that of the endcap (origin at the centre of the mating plane, z to the tip).
 Body NAME_shell is the dome: a hard sphere on three slides with springs. Three tendons carry the radial springs' cubic
-part: sum over 60 degrees apart of (r cos a)^4 is 9/8 r^4 at every azimuth. Body NAME_load between the two
-has no freedom and no mass; its site NAME_mating stands still on the mating plane, so what its sensors say is what goes
-through: the contact, and the weight and inertia of the moving shell.
+part: the sum of (r cos a)^4 over three directions 60 degrees apart is 9/8 r^4 at every azimuth. Body NAME_load between
+the two has no freedom and no mass; its site NAME_mating is fixed on the mating plane, so its sensors measure the load
+on that plane: the contact, and the weight and inertia of the moving shell.
 """
 
 from __future__ import annotations
@@ -21,16 +21,18 @@ import numpy as np
 from sensing.simulator.robot_model.model import RobotModel
 from sensing.simulator.solid.element import Array
 
-AZIMUTHS_DEG = (0.0, 60.0, 120.0)
+AZIMUTHS_DEG = (0.0, 60.0, 120.0)  # directions of the three tendons
 FOURTH_POWERS = 9 / 8  # sum of cos^4 over those azimuths, whichever way they are turned
-# Hard: two steps of 1 ms to close, all but a ten-thousandth of the force from the constraint; the springs give, not it.
+# Hard contact: the constraint takes two steps of 1 ms to close and all but a ten-thousandth of the force, so that only
+# the springs yield.
 HARD = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
-# MuJoCo looks for contacts between bodies of several shapes in bounding boxes first, and that of a plane is known to a
-# micrometre only (it reaches 1e10 m): a contact as hard as this one would be missed in some steps, and bounce. The gap
-# widens the boxes; no force acts in it.
+# MuJoCo first looks for contacts between bodies of several shapes in bounding boxes, and that of a plane is only
+# precise to a micrometre (it reaches 1e10 m): a contact as hard as this one would be missed in some steps, and bounce.
+# The gap widens the boxes; no force acts in it.
 GAP_M = 1e-4
+# Attributes of MJCF's element ``option``; timestep in s.
 OPTIONS = 'timestep="0.001" integrator="implicitfast" cone="elliptic" impratio="100"'
-TOO_SMALL_KG = 1e-6
+TOO_SMALL_KG = 1e-6  # mass that counts as none
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Inertial:
         return Inertial(mass, centre, about[0] + about[1])
 
     def times(self, share: float) -> Inertial:
-        """A part of it, spread as the whole."""
+        """A part of it, with the mass distribution of the whole."""
         return Inertial(share * self.mass_kg, self.centre_m, share * self.inertia_kg_m2)
 
 
@@ -63,7 +65,7 @@ class Bodies:
 
     @property
     def whole(self) -> Inertial:
-        """Both, at rest."""
+        """Inertia of both parts, without relative motion."""
         return self.base + self.shell
 
 
@@ -80,12 +82,12 @@ class Pieces:
 def endcap_pieces(
     model: RobotModel, bodies: Bodies, name: str = "endcap", place: str = "", meshes: Mapping[str, str] | None = None
 ) -> Pieces:
-    """One endcap for a robot's file.
+    """MJCF of one endcap, for a robot's file.
 
     Args:
         model: springs, dampers, friction.
-        bodies: masses.
-        name: of the body, and the beginning of all other names.
+        bodies: inertias of the rigid and the moving part.
+        name: name of the body, and beginning of all other names.
         place: attributes ``pos`` and ``quat`` of the body in its parent.
         meshes: files (m) of ``base`` and ``shell``; None draws the sphere alone.
     """
@@ -107,9 +109,9 @@ def shell_body(
 
     Args:
         model: springs, dampers, friction.
-        shell: mass that moves.
+        shell: inertia of the moving part.
         name: as in :func:`endcap_pieces`.
-        meshes: as there.
+        meshes: as in :func:`endcap_pieces`.
     """
     spring, (radial, axial) = model.stiffness, model.damping_n_s_m
     slides = "".join(
@@ -132,7 +134,7 @@ def shell_body(
 
 
 def shell_tendons(model: RobotModel, name: str = "endcap") -> str:
-    """The radial springs' cubic part, for ``tendon``."""
+    """The tendons that carry the radial springs' cubic part, for the element ``tendon``."""
     cubic = 1e9 * model.stiffness.radial_cubic_n_mm3 / FOURTH_POWERS
     if cubic == 0:
         return ""
@@ -149,7 +151,7 @@ def endcap_file(pieces: Pieces, title: str, comment: str) -> str:
     """A whole MJCF file.
 
     Args:
-        pieces: of the endcap.
+        pieces: MJCF of the endcap.
         title: name of the model.
         comment: first lines of the file.
     """

@@ -1,4 +1,4 @@
-"""One endcap as a body of a robot simulator: sphere, springs, dampers, friction (m, N, kg, s but where the name says).
+"""One endcap as a body of a robot simulator: sphere, springs, dampers, friction (m, N, kg, s; other units in names).
 
 model = robot_model(EndcapParams(130, 8))     # its MJCF: sensing.simulator.robot_model.mjcf
 """
@@ -17,10 +17,10 @@ from sensing.simulator.robot_model.stiffness import DEPTHS_MM, ShellStiffness, f
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.rate_effects import over_slow
 
-FRICTION = 0.8  # E: clean silicone on dry floors, 0.5 to 1.2
-CARRIED_KG = 2.0  # E: what one endcap of the 12 kg robot carries, whose bounce the dampers are made for
-MOVING_SHARE = 0.25  # E: of the silicone's mass that moves with the contact; the rest rides with the base
-M = 1e-3  # of a millimetre
+FRICTION = 0.8  # E: Coulomb's mu of clean silicone on dry floors, 0.5 to 1.2
+CARRIED_KG = 2.0  # E: mass on one endcap of the 12 kg robot, whose bounce determines the dampers
+MOVING_SHARE = 0.25  # E: part of the silicone's mass that moves with the contact; the rest moves with the base
+M = 1e-3  # m in a millimetre
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class RobotModel:
     Attributes:
         params: the design.
         silicone: row of cad/materials.csv.
-        stiffness: of the sphere's centre on the base, N/mm.
-        damping_s: damping over linear stiffness of each slide; 0 where the silicone has no Prony series.
+        stiffness: springs of the sphere's centre on the base, N/mm.
+        damping_s: damping over linear stiffness of each slide, s; 0 where the silicone has no Prony series.
         friction: Coulomb's mu of the sphere.
-        torsion_m: torque about the normal over the normal force at slip.
-        states: to which it was fitted, and those held out.
+        torsion_m: torque about the normal over the normal force at slip, m.
+        states: states of the fit, and those held out.
     """
 
     params: EndcapParams
@@ -47,22 +47,22 @@ class RobotModel:
 
     @property
     def radius_m(self) -> float:
-        """Of the sphere."""
+        """Radius of the sphere, m."""
         return self.params.outer_radius_mm * M
 
     @property
     def centre_m(self) -> float:
-        """Height of the sphere's centre over the mating plane."""
+        """Height of the sphere's centre over the mating plane, m."""
         return self.params.centre_height_mm * M
 
     @property
     def shear_mpa(self) -> float:
-        """Shear modulus of the silicone."""
+        """Shear modulus of the silicone, MPa."""
         return silicone(self.silicone).neo_hooke().shear_mpa
 
     @property
     def damping_n_s_m(self) -> tuple[float, float]:
-        """Of the radial and the axial slides."""
+        """Damping of the radial and the axial slides, N s/m."""
         return (
             1e3 * self.stiffness.radial_n_mm * self.damping_s,
             1e3 * self.stiffness.axial_n_mm * self.damping_s,
@@ -88,17 +88,17 @@ def robot_model(params: EndcapParams, silicone_name: str = DEFAULT_SILICONE, fri
 
 
 def loss_time_s(prony: tuple[tuple[float, float], ...], rate_rad_s: float) -> float:
-    """Damping over stiffness with which a slide loses what the silicone loses in a swing: G'' / (omega G_inf).
+    """Damping over stiffness with which a slide has the silicone's loss in an oscillation: G'' / (omega G_inf), s.
 
     Args:
         prony: pairs (g, tau_s).
-        rate_rad_s: angular frequency of the swing.
+        rate_rad_s: angular frequency omega, rad/s.
     """
     return sum(b * tau / (1 + (rate_rad_s * tau) ** 2) for b, tau in over_slow(prony))
 
 
 def _torsion_m(states: PressedStates) -> float:
-    """Torque over mu and normal force of an evenly pressed disc, 2 a / 3, at the middle of the depths."""
+    """Torque over mu and normal force of an evenly pressed disc of radius a: 2 a / 3, m, at the middle depth."""
     used = states.where(states.is_pressed_only)
     order = np.argsort(used.depth_mm)
     area = float(np.interp(sum(DEPTHS_MM) / 2, used.depth_mm[order], used.patch_mm2[order]))

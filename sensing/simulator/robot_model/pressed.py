@@ -1,4 +1,4 @@
-"""Shells pressed by a plane, by similarity: what the springs are fitted to, and what checks them (mm, N)."""
+"""Shells pressed by a plane, by similarity: the states of the springs' fit and of its check (mm, N)."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, wrench_u
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 
-HELD_OUT_TILTS_DEG = (3.0, 18.0, 32.0, 46.0)  # of the library's paths: the fit sees 0, 11, 25, 39, 50 and 54 degrees
-NEAR_SLIP = 0.7  # of the friction cone: from there on the place of the shell under the plane is not known
-PRESSING = ("touch", "load")  # phases in which the plane only comes nearer
+HELD_OUT_TILTS_DEG = (3.0, 18.0, 32.0, 46.0)  # of the library's paths; the fit has 0, 11, 25, 39, 50 and 54 degrees
+NEAR_SLIP = 0.7  # of the friction cone; beyond it the place of the shell under the plane is not determined
+PRESSING = ("touch", "load")  # phases in which the plane only approaches
 
 
 @dataclass(frozen=True)
 class PressedStates:
-    """States of a shell under a plane; friction holds it.
+    """States of a shell under a plane with friction.
 
     Attributes:
-        tilt_deg, depth_mm: (s,) of the plane.
-        shift_mm: (s, 2) its travel along (meridian, lateral).
-        force_n: (s, 3) on the endcap along (outward, meridian, lateral); NaN tangentially where it is not kept.
-        torque_nmm: (s, 3) on the endcap about the sphere's centre, the same axes; NaN where it is not kept.
-        patch_mm2: (s,).
+        tilt_deg, depth_mm: (s,) tilt, degrees, and depth, mm, of the plane.
+        shift_mm: (s, 2) its travel along (meridian, lateral), mm.
+        force_n: (s, 3) N, force on the endcap along (outward, meridian, lateral); NaN tangentially where not stored.
+        torque_nmm: (s, 3) torque on the endcap about the sphere's centre, same axes, N mm; NaN where it is not stored.
+        patch_mm2: (s,) contact area, mm2.
     """
 
     tilt_deg: Array
@@ -40,31 +40,31 @@ class PressedStates:
     patch_mm2: Array
 
     def where(self, mask: NDArray[np.bool_]) -> PressedStates:
-        """Some of the states."""
+        """The states that a mask selects."""
         return PressedStates(*(column[mask] for column in vars(self).values()))
 
     @property
     def normal_n(self) -> Array:
-        """(s,) normal force, positive."""
+        """(s,) normal force, N, positive."""
         return -self.force_n[:, 0]
 
     @property
     def is_pressed_only(self) -> NDArray[np.bool_]:
-        """(s,) where the plane did not travel sideways."""
+        """(s,) whether the plane did not travel sideways."""
         return np.asarray((self.shift_mm == 0).all(axis=1))
 
     @property
     def is_held_out(self) -> NDArray[np.bool_]:
-        """(s,) what no spring was fitted to: whole tilts."""
+        """(s,) whether the state's tilt is held out of the fit."""
         return np.isin(self.tilt_deg, HELD_OUT_TILTS_DEG)
 
     def between(self, low_mm: float, high_mm: float) -> PressedStates:
-        """States of a range of depths."""
+        """States within a range of depths, mm."""
         return self.where((self.depth_mm >= low_mm) & (self.depth_mm <= high_mm))
 
 
 def pressed_states(geometry: ShellGeometry, shear_mpa: float) -> PressedStates:
-    """States of a shell: curves to 0.3 R at three tilts, and the library's paths until they near slip.
+    """States of a shell: curves to 0.3 R at three tilts, and the library's paths until they come near slip.
 
     Args:
         geometry: the shell.
@@ -101,7 +101,7 @@ def _paths(states: ShellStates, geometry: ShellGeometry, shear_mpa: float) -> Pr
             wrench = states.wrench[row] * units
             force, torque = frame.T @ wrench[:3], frame.T @ wrench[3:]
             holds &= bool(states.known[row]) and np.hypot(*force[1:]) < NEAR_SLIP * path.friction * -force[0]
-            is_pressing &= point.phase in PRESSING  # after coming back it lies elsewhere
+            is_pressing &= point.phase in PRESSING  # after unloading the shell lies elsewhere
             assert point.target is not None
             shift = np.array(point.target.shift_mm) * scale.shift
             if holds and (is_pressing or shift.any()):

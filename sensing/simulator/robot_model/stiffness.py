@@ -5,9 +5,9 @@ With the centre displaced by (x, y, z) from its place on the base and r^2 = x^2 
     V = k_r r^2 / 2 + c_r r^4 / 4 + k_z z^2 / 2 + c_z z^4 / 4
     F_xy = -(k_r + c_r r^2) (x, y),   F_z = -(k_z + c_z z^2) z
 
-all four constants >= 0: convex, so one rest place and no energy out of nothing. They are those with the least largest
-relative error of the normal force, by linear programming. The shear stiffness is then what it is: one potential of
-the centre's place gives a plane that presses and a plane that shears the same springs.
+all four constants >= 0: the energy is convex, so there is one rest position. The constants minimise the largest
+relative error of the normal force, by linear programming. The shear stiffness follows: one potential of
+the centre's position gives a plane that presses and a plane that shears the same springs.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from sensing.simulator.contact.indenter import Indenter, translation
 from sensing.simulator.robot_model.pressed import PressedStates
 from sensing.simulator.solid.element import Array
 
-DEPTHS_MM = (2.0, 10.0)  # of the fit and its checks
-FEWEST_STATES = 12
+DEPTHS_MM = (2.0, 10.0)  # range of depths of the fit and its check
+FEWEST_STATES = 12  # fewest states of a fit
 
 
 @dataclass(frozen=True)
 class ShellStiffness:
-    """Springs of the sphere's centre.
+    """Constants of the springs of the sphere's centre.
 
     Attributes:
         radial_n_mm, axial_n_mm: linear, N/mm.
@@ -40,29 +40,29 @@ class ShellStiffness:
     axial_cubic_n_mm3: float
 
     def force_n(self, displacement_mm: Array) -> Array:
-        """Force on the shell that holds its centre displaced (..., 3), endcap axes."""
+        """Force on the shell, N, that holds its centre displaced by (..., 3), mm, endcap axes."""
         return np.tensordot(astuple(self), _bases(displacement_mm), axes=1)
 
     def force_in_contact(self, states: PressedStates) -> Array:
-        """(s, 3) force along (outward, meridian, lateral) when the centre follows the plane."""
+        """(s, 3) force, N, along (outward, meridian, lateral) when the centre follows the plane."""
         frames = np.array([Indenter(tilt).frame() for tilt in states.tilt_deg])
         return np.einsum("sji,sj->si", frames, self.force_n(displacements(states)))
 
 
 def displacements(states: PressedStates) -> Array:
-    """(s, 3) of the sphere's centre, endcap axes, when it follows the plane."""
+    """(s, 3) displacement of the sphere's centre, mm, endcap axes, when it follows the plane."""
     columns = zip(states.tilt_deg, states.depth_mm, states.shift_mm, strict=True)
     return np.array([translation(Indenter(tilt).frame(), depth, tuple(shift)) for tilt, depth, shift in columns])
 
 
 def fitted(states: PressedStates) -> ShellStiffness:
-    """Springs with the least largest relative error of the normal force, over what is not held out.
+    """Springs with the least largest relative error of the normal force over the states that are not held out.
 
     Args:
-        states: of the shell.
+        states: states of the shell.
 
     Raises:
-        ParameterError: too few of them: the shell snaps before it is pressed so deep.
+        ParameterError: too few states, because the shell snaps before it is pressed so deep.
     """
     from scipy.optimize import linprog
 
@@ -83,7 +83,7 @@ def fitted(states: PressedStates) -> ShellStiffness:
 
 
 def _bases(displacement_mm: Array) -> Array:
-    """(4, ..., 3) force of each spring for a constant of one."""
+    """(4, ..., 3) force of each spring, N, for a constant of one."""
     radial = displacement_mm * np.array([1.0, 1.0, 0.0])
     axial = displacement_mm - radial
     square = (radial**2).sum(axis=-1, keepdims=True)

@@ -3,7 +3,7 @@
     states = library_source(request)                      # or solved_source(request): the same paths, solved directly
     write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"))
 
-The folder is that of :mod:`sensing.records_labelled`; what reads solved sets reads these. Loads are those of
+The folder is that of :mod:`sensing.records_labelled`, as for solved sets. Loads are those of
 :class:`sensing.simulator.similarity.ratios.LoadScale`. Level 5 in the column ``level`` means: from the library.
 """
 
@@ -38,9 +38,9 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.surface import dot_directions, turn_wrench
 
-LEVEL = 5  # in the column "level"
-PROTOCOL = "library"
-StateSource = Callable[[LoadPath], list[PathState]]  # a path for this shell -> its states, without the refused
+LEVEL = 5  # value of the column "level" for states from the library
+PROTOCOL = "library"  # value of the protocol for the library's paths
+StateSource = Callable[[LoadPath], list[PathState]]  # a path for this shell -> its states, without the refused ones
 Progress = Callable[[int, int], None]
 
 
@@ -62,8 +62,8 @@ def library_source(simulator: Simulator, library: Library | None = None) -> Stat
     """States of a shell by similarity, for the library's own paths.
 
     Args:
-        simulator: of the shell.
-        library: None for the one that ships.
+        simulator: simulator of the shell.
+        library: library of states; None for the one that ships.
     """
     geometry, units = simulator.geometry, wrench_units(simulator.geometry.outer_radius_mm, simulator.law.shear_mpa)
     states = (library or load_library()).states(ShellRatios.of(geometry))
@@ -88,7 +88,7 @@ def library_source(simulator: Simulator, library: Library | None = None) -> Stat
 
 
 def solved_source(simulator: Simulator) -> StateSource:
-    """States of a shell solved directly: the full simulation that the library stands for."""
+    """States of a shell that are solved directly by the full simulation, which the library approximates."""
     last: list[float] = []
 
     def source(path: LoadPath) -> list[PathState]:
@@ -108,14 +108,14 @@ def write_labelled(
     shell: tuple[Simulator, LoadScale],
     progress: Progress | None = None,
 ) -> int:
-    """Write a set of paths that are given for D=130 T=8 in Smooth-Sil 950; replaces what the folder held.
+    """Write a set of paths that are given for D=130 T=8 in Smooth-Sil 950; replaces the content of the folder.
 
     Args:
         request: design, silicone, azimuths, camera and look of the pictures (``render``).
         paths: loading paths; they are scaled to the shell.
-        source: states of a scaled path.
-        folder: where.
-        shell: of :func:`shell_of`.
+        source: source of the states of a scaled path.
+        folder: folder of the set.
+        shell: result of :func:`shell_of`.
         progress: called with (paths done, paths in all).
 
     Returns:
@@ -216,7 +216,7 @@ def _from_library(
     states: ShellStates, row: int, step: int, point: Waypoint, geometry: ShellGeometry, order: NDArray[np.int64],
     units: Array,
 ) -> PathState:  # fmt: skip
-    """State of a row of the library on a shell."""
+    """State of a shell from one row of the library."""
     assert point.target is not None
     radius = geometry.outer_radius_mm
     surface = np.empty_like(states.surface[row])
@@ -251,7 +251,7 @@ def _joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
 
 
 def with_azimuths(paths: Sequence[LoadPath], count: int) -> list[LoadPath]:
-    """The same paths, labelled at ``count`` azimuths, evenly turned from their first (states stay what they are)."""
+    """The same paths, labelled at ``count`` azimuths, evenly spaced from their first one; the states do not change."""
     turns = np.arange(count) * (360.0 / count)
     return [
         replace(path, azimuths_deg=tuple(float((path.azimuths_deg[0] + t) % 360.0) for t in turns)) for path in paths

@@ -28,11 +28,11 @@ from sensing.simulator.similarity.paths import path_digest
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
-FILE = Path(__file__).with_name("library.npz")
-CLAMP_SCALE = 0.5  # M: a radian of the clamp counts as so much of sqrt(T / R) (bench/bench_library.py --studies nodes)
-LEAST_COUNT = 0.15  # of the weights: a node that counts less can be done without
-LEAST_NODES = 4  # that a state needs to be interpolated
-REACH = 0.015  # how far beyond the nodes' hull, in those coordinates, a shell may lie
+FILE = Path(__file__).with_name("library.npz")  # the library that ships
+CLAMP_SCALE = 0.5  # M: weight of the clamp's angle in rad against sqrt(T / R) (bench/bench_library.py --studies nodes)
+LEAST_COUNT = 0.15  # of a node's weight: a node below it can be left out
+LEAST_NODES = 4  # fewest nodes from which a state is interpolated
+REACH = 0.015  # largest distance of a shell from the nodes' hull, in those coordinates
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class ShellStates:
 
     Attributes:
         surface: (S, n, 3) displacement of the inner surface at the common points.
-        wrench: (S, 6) on the endcap about the sphere's centre.
-        labels: (S, 4) depth, normal force, patch area, slipping part.
-        known: (S,) False where a node could not be solved.
+        wrench: (S, 6) wrench on the endcap about the sphere's centre.
+        labels: (S, 4) depth, normal force, patch area, share of slip.
+        known: (S,) False where a node has no solution.
     """
 
     surface: Array
@@ -57,9 +57,9 @@ class StoredStates:
     """The same states of all nodes; K nodes, S states, M modes.
 
     Attributes:
-        coefficients: (K, S, M) of the surface modes.
-        wrench: (K, S, 6) with forces in mu T^2 and torques in mu T^2 R, units in which they hardly change from node to
-            node; NaN where a node could not be solved.
+        coefficients: (K, S, M) coefficients of the surface modes.
+        wrench: (K, S, 6) with forces in mu T^2 and torques in mu T^2 R, in which they hardly change from node to node;
+            NaN where a node has no solution.
         labels: (K, S, 4) in the same units.
     """
 
@@ -69,15 +69,15 @@ class StoredStates:
 
     @property
     def solved(self) -> NDArray[np.bool_]:
-        """(K, S) which states each node has."""
+        """(K, S) whether each node has each state."""
         return np.asarray(np.isfinite(self.wrench).all(axis=2))
 
     def mixed(self, weights: Array, name: str) -> Array:
-        """(S, ...) a table of the nodes, mixed.
+        """(S, ...) weighted sum of the nodes' tables.
 
         Args:
-            weights: (K, S), 0 where a node has no state.
-            name: of the table.
+            weights: (K, S) weights of the nodes, 0 where a node has no state.
+            name: name of the table.
         """
         return np.einsum("ks,ksm->sm", weights, np.nan_to_num(getattr(self, name).astype(float)), optimize=True)
 
@@ -88,11 +88,11 @@ class Library:
 
     Attributes:
         ratios: (K, 2) T/R and clamp/R.
-        modes: (M, n, 3) of the surface.
+        modes: (M, n, 3) modes of the surface.
         travel: states of the library's paths.
         standing: of the simulated robot's stands.
         curves: (K, 3, 15, 4) :data:`sensing.simulator.similarity.node.CAPACITY` by tilt and depth, forces in mu T^2.
-        paths: digest of the paths.
+        paths: digest of the library's paths.
     """
 
     ratios: Array
@@ -106,8 +106,8 @@ class Library:
         """(K,) weights of the nodes for a shell; they sum to 1, and are 1 and 0 at a node.
 
         Args:
-            ratios: of the shell.
-            nodes: (K,) which may be used; all by default.
+            ratios: ratios of the shell.
+            nodes: (K,) whether each node may be used; all by default.
 
         Raises:
             ParameterError: a shell outside the nodes' range.
@@ -137,14 +137,14 @@ class Library:
         return self._states(self.standing, ratios)
 
     def state_weights(self, stored: StoredStates, ratios: ShellRatios) -> tuple[Array, NDArray[np.bool_]]:
-        """((K, S) weights of the nodes for each state, (S,) which states are known).
+        """((K, S) weights of the nodes for each state, (S,) whether each state is known).
 
-        The thinnest node has some of the paths only. Where such a node hardly counts for a shell, the others make up
-        for it; where it counts, the state is left out.
+        The thinnest node has only some of the paths. For a shell in which its weight is small, the other nodes replace
+        it; otherwise the state is left out.
 
         Args:
-            stored: the states.
-            ratios: of the shell.
+            stored: states of the nodes.
+            ratios: ratios of the shell.
         """
         solved, weights = stored.solved, self.blend(ratios)
         found, known = np.zeros(solved.shape), np.zeros(solved.shape[1], dtype=bool)
@@ -163,7 +163,7 @@ class Library:
         return ShellStates(surface, wrench, stored.mixed(weights, "labels") * _units(LABELS, ratios.wall), known)
 
     def capacity(self, ratios: ShellRatios) -> Array:
-        """(3, 15, 4) curves of a shell, NaN past the depth at which a node that counts was refused."""
+        """(3, 15, 4) curves of a shell, NaN past the depth at which a node with weight was refused."""
         weights = self.blend(ratios)
         found = np.einsum("k,kabj->abj", weights, np.nan_to_num(self.curves.astype(float)))
         found *= _units(CAPACITY, ratios.wall)
@@ -173,11 +173,11 @@ class Library:
 
 
 def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> Library:
-    """Library of solved nodes: their surfaces as the leading modes of all together.
+    """Library of solved nodes; it stores their surfaces by the leading modes of all of them.
 
     Args:
         travel, standing: the nodes' states along the two kinds of paths.
-        count: modes.
+        count: number of modes.
     """
     tables = [
         np.nan_to_num([node.surface.reshape(len(node.surface), -1) for node in part]) for part in (travel, standing)
@@ -198,12 +198,12 @@ def joined(travel: list[SolvedNode], standing: list[SolvedNode], count: int) -> 
 
 
 def solved_node(library: Library, number: int, standing: bool) -> SolvedNode:
-    """A node out of a library again, as exact as its modes; states that could not be solved are NaN.
+    """A node of a library, to the accuracy of its modes; states without a solution are NaN.
 
     Args:
-        library: which.
-        number: of the node.
-        standing: its stands instead of its travel and curves.
+        library: the library.
+        number: number of the node.
+        standing: whether its stands are returned instead of its travel and curves.
     """
     stored, wall = library.standing if standing else library.travel, float(library.ratios[number, 0])
     surface = np.tensordot(stored.coefficients[number].astype(float), library.modes.astype(float), axes=1)
@@ -255,7 +255,7 @@ def _stored(nodes: list[SolvedNode], coefficients: Array) -> StoredStates:
 
 
 def _units(columns: tuple[str, ...], wall: float) -> Array:
-    """(columns,) from mu T^2 to mu R^2 for the forces among them, 1 for the others."""
+    """(columns,) factors from mu T^2 to mu R^2 for the forces among the columns, 1 for the others."""
     return np.array([wall**2 if column == "normal" else 1.0 for column in columns])
 
 
@@ -264,7 +264,7 @@ def _coordinates(ratios: Array) -> Array:
 
 
 def _spline(places: Array, wanted: Array) -> Array:
-    """(K,) cardinal weights of the spline r^3 + linear at one place."""
+    """(K,) cardinal weights of the spline r^3 + linear at one point of the coordinates."""
     count = len(places)
 
     def kernel(a: Array, b: Array) -> Array:

@@ -16,9 +16,9 @@ from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.solid.element import Array
 
 LABELS = ("depth", "normal", "patch", "slip")  # in units of R, mu R^2, R^2, 1
-CAPACITY_TILTS_DEG = (0.0, 25.0, 50.0)
-CAPACITY_DEPTHS = tuple(float(d) for d in np.linspace(0.02, 0.30, 15))  # of R
-CAPACITY_FRICTION = 0.6
+CAPACITY_TILTS_DEG = (0.0, 25.0, 50.0)  # tilts of the capacity curves
+CAPACITY_DEPTHS = tuple(float(d) for d in np.linspace(0.02, 0.30, 15))  # depths of the curves, in units of R
+CAPACITY_FRICTION = 0.6  # Coulomb coefficient of the curves
 CAPACITY = ("depth", "normal", "patch", "stretch")  # in units of R, mu R^2, R^2, 1
 
 
@@ -27,9 +27,9 @@ class SolvedNode:
     """States of one shell, in units of R, mu R^2 and mu R^3; S states of all paths in their order.
 
     Attributes:
-        ratios: of the shell.
-        surface: (S, n, 3) displacement of the inner surface at the common points, NaN for a state that is missing.
-        wrench: (S, 6) on the endcap about the sphere's centre, azimuth 0.
+        ratios: ratios of the shell.
+        surface: (S, n, 3) displacement of the inner surface at the common points, NaN for a missing state.
+        wrench: (S, 6) wrench on the endcap about the sphere's centre, contact on azimuth 0.
         labels: (S, 4) :data:`LABELS`.
         capacity: (3, 15, 4) :data:`CAPACITY` by tilt and depth, NaN from the first refused depth on.
     """

@@ -1,8 +1,9 @@
-"""The shells of the library: where in the valid region of (D, T) they lie (mm). Only their ratios count."""
+"""The shells of the library: their (D, T), mm, in the valid region. Only their ratios matter."""
 
 from __future__ import annotations
 
 Design = tuple[float, float]
+# (D, T) of each node, mm.
 NODES: tuple[Design, ...] = (
     (250.0, 6.5),
     (250.0, 25.0),
@@ -17,7 +18,7 @@ NODES: tuple[Design, ...] = (
     (200.0, 16.0),
     (104.5, 10.4),
 )
-SOME_PATHS: dict[Design, tuple[int, ...]] = {  # near its snap level 2 hands most states over: one path at each tilt
+SOME_PATHS: dict[Design, tuple[int, ...]] = {  # near its snap level 1 has to solve most states: one path a tilt
     (250.0, 6.5): (0, 4, 8, 9, 13, 17, 18, 22)
 }
 

@@ -1,7 +1,7 @@
 """The loading paths of the library, for D=130 T=8 in Smooth-Sil 950 (N, mm).
 
 Eight tilts between 3 and 54 degrees, three paths each: touches, set-points, then a circle, a drag to slip, or travel
-while the force swings, then unloading. Seeds and numbers are apart from those of every protocol.
+while the force swings, then unloading. No protocol has these seeds and numbers.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from sensing.simulator.protocols.static import FRICTION_RANGE
 from sensing.simulator.robot.scene import ScenePlan, plan_scene
 from sensing.simulator.similarity.ratios import RELEASED_LOAD_N, LoadScale
 
-TILTS_DEG = (3.0, 11.0, 18.0, 25.0, 32.0, 39.0, 46.0, 54.0)
-PATHS_PER_TILT = 3  # they share level 2's tangents
-SEED = 20_261  # of the library's paths
-TOP = (0.35, 1.15)  # of the released 35 N
-RADIUS_MM = (0.5, 4.0)  # of circles and drags, as in the static protocol
-TRAVEL_STATES = 10
-APART_MM = 2.0
-DECIMALS = 8  # of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
+TILTS_DEG = (3.0, 11.0, 18.0, 25.0, 32.0, 39.0, 46.0, 54.0)  # tilts of the plane
+PATHS_PER_TILT = 3  # they share the tangents of level 2
+SEED = 20_261  # seed of the library's paths
+TOP = (0.35, 1.15)  # range of the top load, in units of the released 35 N
+RADIUS_MM = (0.5, 4.0)  # travel of circles and drags, as in the static protocol
+TRAVEL_STATES = 10  # states of the travel
+APART_MM = 2.0  # distance to first touch before and after contact
+DECIMALS = 8  # decimals of N, mm, s and degrees in the digest of the paths; processors differ by 1e-13
 FIRST_STAND = 1000  # number of the first path of the simulated robot
 
 
 def library_path(number: int, azimuths: int = 4) -> LoadPath:
-    """One path; its kind of travel goes by ``number % 3``, its tilt by the shard.
+    """One path of the library; ``number % 3`` determines its kind of travel, the shard its tilt.
 
     Args:
-        number: identity.
-        azimuths: how many azimuths (any, uniform) are labelled from it.
+        number: identity of the path.
+        azimuths: number of azimuths (any, uniform) that are labelled.
     """
     rng = np.random.default_rng([SEED, number])
     tilt = TILTS_DEG[number // PATHS_PER_TILT % len(TILTS_DEG)]
@@ -59,18 +59,18 @@ def library_path(number: int, azimuths: int = 4) -> LoadPath:
 
 
 def library_paths() -> list[LoadPath]:
-    """All paths, those of one tilt side by side."""
+    """All paths of the library; those of one tilt are neighbours."""
     return [library_path(number) for number in range(PATHS_PER_TILT * len(TILTS_DEG))]
 
 
 @lru_cache(maxsize=1)
 def plan() -> ScenePlan:
-    """The released robot's stands."""
+    """The stands of the released robot."""
     return plan_scene()
 
 
 def load_share() -> float:
-    """Part of the 12 kg robot's load with which the stands are pressed, so that the largest is the released 35 N."""
+    """Part of the 12 kg robot's load at which the stands are solved, so that the largest load is the released 35 N."""
     loads = [point.target.normal_n for path in _released_paths() for point in path.waypoints if point.target]
     return RELEASED_LOAD_N / max(load for load in loads if load is not None)
 
@@ -84,14 +84,14 @@ def stand_paths() -> list[LoadPath]:
 def path_digest() -> str:
     """SHA-256 of the library's loading paths as JSON: states belong to the paths along which they were solved.
 
-    Numbers count to :data:`DECIMALS`: processors differ in the last bits of sums, sines and linear systems.
+    Numbers are rounded to :data:`DECIMALS`: processors differ in the last bits of sums, sines and linear systems.
     """
     paths = [_rounded(asdict(path)) for path in [*library_paths(), *stand_paths()]]
     return hashlib.sha256(json.dumps(paths, sort_keys=True).encode()).hexdigest()
 
 
 def touching_steps(path: LoadPath) -> list[int]:
-    """Numbers of the waypoints of a path that touch."""
+    """Numbers of the waypoints of a path with contact."""
     return [step for step, point in enumerate(path.waypoints) if point.target is not None]
 
 
@@ -104,7 +104,7 @@ def _rounded(value: Any) -> Any:
         return {name: _rounded(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [_rounded(part) for part in value]
-    return round(value, DECIMALS) + 0.0 if isinstance(value, float) else value  # + 0.0: no -0.0
+    return round(value, DECIMALS) + 0.0 if isinstance(value, float) else value  # + 0.0 turns -0.0 into 0.0
 
 
 def _circle(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
@@ -117,7 +117,7 @@ def _circle(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
 
 
 def _drag(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
-    """Out, to slip, and half of the way back."""
+    """Travel along a line until slip, and half of the way back."""
     reach, heading = float(rng.uniform(2, 8)), float(rng.uniform(0, 2 * math.pi))
     way = [*np.linspace(0, 1, 8)[1:], 0.85, 0.65, 0.4]
     return [
@@ -130,7 +130,7 @@ def _drag(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
 
 
 def _swing(rng: np.random.Generator, force_n: float) -> list[Waypoint]:
-    """A circle while the force swings, as on a moving robot."""
+    """Travel along a circle while the force swings, as on a moving robot."""
     radius, heading = float(rng.uniform(*RADIUS_MM)), float(rng.uniform(0, 2 * math.pi))
     swing, beat, sense = float(rng.uniform(0.1, 0.4)), float(rng.uniform(1, 2.5)), float(rng.choice([-1.0, 1.0]))
     points = []

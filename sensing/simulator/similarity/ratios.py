@@ -1,12 +1,13 @@
 """Similarity of shells: the dimensionless numbers that scaled copies share, and the units for scaling.
 
-A quasi-static shell of one hyperelastic law has no length and no stress of its own but the outer radius R and the shear
-modulus mu. Two shells with equal wall / R, clamp / R, Poisson's ratio, tilt and friction are copies: displacements go
-with R, forces with mu R^2, torques with mu R^3 (dimensional analysis; Buckingham 1914, doi:10.1103/PhysRev.4.345).
+A quasi-static shell of one hyperelastic law has no other scale of length and stress than the outer radius R and the
+shear modulus mu. Two shells with equal wall / R, clamp / R, Poisson's ratio, tilt and friction are similar: they have
+displacements in R, forces in mu R^2, torques in mu R^3 (dimensional analysis; Buckingham 1914,
+doi:10.1103/PhysRev.4.345).
 
-Which lengths of the endcap do not scale: flange (6 mm), interlock (25 mm of TPU in silicone, plain silicone in this
+Some lengths of the endcap do not scale: flange (6 mm), interlock (25 mm of TPU in silicone, plain silicone in this
 simulator), LED ring (its radius fixes the rim below D = 120.7), camera height, dots' radius. The first and the third
-enter the shell through the height of the clamp alone, so ``clamp`` carries them; camera and dots enter the projection.
+affect the shell only through the height of the clamp, which ``clamp`` holds; camera and dots affect the projection.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import Index
 
-REFERENCE_WALL_MM = 8.0
-REFERENCE_RADIUS_MM = 65.0
-REFERENCE_SHEAR_MPA = 0.68  # Smooth-Sil 950 (E, MAT10), with which the released loads were pressed
+REFERENCE_WALL_MM = 8.0  # wall T of the released design
+REFERENCE_RADIUS_MM = 65.0  # outer radius R of the released design
+REFERENCE_SHEAR_MPA = 0.68  # shear modulus of Smooth-Sil 950 (E, MAT10), for which the released loads are given
 RELEASED_LOAD_N = 35.0  # P, NET22: largest set-point of the released data, at D=130
 
 
@@ -31,7 +32,7 @@ class ShellRatios:
 
     Attributes:
         wall: T / R.
-        clamp: height of the sphere's centre above the clamp plane, over R: how deep the neck is.
+        clamp: height of the sphere's centre above the clamp plane over R; it determines the depth of the neck.
     """
 
     wall: float
@@ -47,8 +48,8 @@ class ShellRatios:
         """A shell of these ratios, clamped at height 0.
 
         Args:
-            radius_mm: outer radius.
-            view_rim_polar_deg: where its dots end.
+            radius_mm: outer radius, mm.
+            view_rim_polar_deg: polar angle at which its dots end, degrees.
         """
         return ShellGeometry(radius_mm, self.wall * radius_mm, self.clamp * radius_mm, 0.0, view_rim_polar_deg)
 
@@ -57,14 +58,14 @@ class ShellRatios:
 class LoadScale:
     """Loads of one shell in proportion to those of D=130, T=8 in Smooth-Sil 950.
 
-    A shell under a point load sinks by about F R / (mu T^2) (Reissner 1946), so forces in units of mu T^2 press every
-    shell to about the same depth / R; tangential stiffness goes with mu T, so travel in units of T brings about the
-    same share of the friction cone.
+    A shell under a point load sinks by about F R / (mu T^2) (Reissner 1946), so equal forces in units of mu T^2 press
+    all shells to about the same depth / R; tangential stiffness scales with mu T, so equal travel in units of T gives
+    about the same part of the friction cone.
 
     Attributes:
         force: factor on forces.
-        shift: on tangential travel.
-        depth: on depths.
+        shift: factor on tangential travel.
+        depth: factor on depths.
     """
 
     force: float
@@ -77,7 +78,7 @@ class LoadScale:
 
         Args:
             geometry: the shell.
-            shear_mpa: shear modulus mu of its silicone.
+            shear_mpa: shear modulus mu of its silicone, MPa.
         """
         wall = geometry.wall_mm / REFERENCE_WALL_MM
         return LoadScale(
@@ -86,7 +87,7 @@ class LoadScale:
 
     @property
     def top_n(self) -> float:
-        """Normal force that the released 35 N are on this shell: the range of its weights."""
+        """Normal force of this shell, N, that corresponds to the released 35 N: the range of its weights."""
         return RELEASED_LOAD_N * self.force
 
 
@@ -94,21 +95,21 @@ def wrench_units(radius_mm: float, shear_mpa: float) -> Array:
     """Units (6,) of a wrench: mu R^2 for forces (N), mu R^3 for torques (N mm).
 
     Args:
-        radius_mm: outer radius R.
-        shear_mpa: shear modulus mu.
+        radius_mm: outer radius R, mm.
+        shear_mpa: shear modulus mu, MPa.
     """
     force = shear_mpa * radius_mm**2
     return np.repeat([force, force * radius_mm], 3)
 
 
 def about(wrench: Array, point_mm: Array) -> Array:
-    """Wrench (..., 6) at the origin, expressed about a point (3,): the torque loses point x force (N, N mm)."""
+    """Wrench (..., 6) about a point (3,), from that at the origin: the torque loses point x force (N, N mm)."""
     force = wrench[..., :3]
     return np.concatenate([force, wrench[..., 3:] - np.cross(np.asarray(point_mm, dtype=float), force)], axis=-1)
 
 
 def disc_points(geometry: ShellGeometry, position: Array) -> Array:
-    """(k, 2) place of inner surface points in the mesh's disc: what points of all shells have in common."""
+    """(k, 2) positions of inner surface points in the mesh's disc, which are common to all shells."""
     offset = position - np.array(geometry.centre_mm)
     polar = np.arccos(np.clip(offset[:, 2] / np.linalg.norm(offset, axis=1), -1, 1))
     middle = geometry.clamp_polar_rad(geometry.mid_radius_mm)
@@ -120,6 +121,6 @@ def disc_points(geometry: ShellGeometry, position: Array) -> Array:
 
 
 def common_order(geometry: ShellGeometry, position: Array) -> Index:
-    """(k,) numbers that put inner surface points (k, 3) of any shell in one order, that of the disc."""
+    """(k,) numbers that sort inner surface points (k, 3) of any shell into the common order of the disc."""
     keys = np.round(disc_points(geometry, position) * 1e4).astype(np.int64)
     return np.lexsort((keys[:, 1], keys[:, 0]))

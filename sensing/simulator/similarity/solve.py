@@ -1,7 +1,7 @@
 """Solves the shells of the library: ``python -m sensing.simulator.similarity.solve --help``.
 
-Each node is one shell of the reference radius; its states and its capacity curves go to one file, so that nodes can be
-solved by several processes, one after the other, and a stopped run goes on.
+Each node is one shell of the reference radius; its states and its capacity curves go to one file, so that several
+processes can solve nodes, and a stopped run can be continued.
 
     python -m sensing.simulator.similarity.solve --node 0 --out build/similarity        # one node (a minute)
     python -m sensing.simulator.similarity.solve --out build/similarity                 # all, then the file that ships
@@ -49,9 +49,9 @@ from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.solid.mesh import HexMesh, Index
 from sensing.simulator.solid.shell import ShellModel, shell_model
 
-TOLERANCE, LOOSER = 1e-3, 3e-3  # of level 2; the looser one where it would hand most states over
-MODES = 96
-RIM_SHARE = 0.85  # of the polar angle to the clamp: strains beyond it belong to the bonded edge, which is singular
+TOLERANCE, LOOSER = 1e-3, 3e-3  # of level 2; the looser one for nodes at which level 1 would have to solve most states
+MODES = 96  # surface modes that are kept
+RIM_SHARE = 0.85  # of the polar angle to the clamp: strains beyond it are those of the bonded edge, which is singular
 
 
 def solve_node(
@@ -62,8 +62,8 @@ def solve_node(
     Args:
         geometry: the shell.
         paths: loading paths; they are scaled to the shell.
-        with_capacity: press it as far as it goes, too.
-        numbers: of the paths that are solved, the states of the others stay NaN; None for all.
+        with_capacity: whether the capacity curves are solved, too.
+        numbers: numbers of the paths that are solved; the states of the others are NaN. None for all.
     """
     law = silicone(DEFAULT_SILICONE).neo_hooke()
     simulator = Simulator(geometry, law, "data", 2, TOLERANCE if numbers is None else LOOSER)
@@ -88,7 +88,7 @@ def solve_node(
 
 
 def capacity(geometry: ShellGeometry) -> Array:
-    """(3, 15, 4) force, patch and largest stretch by tilt and depth (:data:`CAPACITY`), pressed until refused."""
+    """(3, 15, 4) force, patch and largest stretch by tilt and depth (:data:`CAPACITY`), up to the first refusal."""
     law = silicone(DEFAULT_SILICONE).neo_hooke()
     model = shell_model(geometry, law, "data", half=True)
     radius, force = geometry.outer_radius_mm, law.shear_mpa * geometry.outer_radius_mm**2
@@ -131,14 +131,14 @@ def _largest_stretch(model: ShellModel, displacement: Array) -> float:
 
 
 def _solve(design: Design, folder: Path, known: Library | None) -> None:
-    """Write the files of one node that are missing, out of a library that has it, else solved."""
+    """Write the missing files of one node, from a library that has it, else solved."""
     ratios = ShellRatios.of(shell_geometry(*design))
     table = np.zeros((0, 2)) if known is None else known.ratios
     same = np.flatnonzero(np.isclose(table, [ratios.wall, ratios.clamp]).all(axis=1))
     for part, paths in (("node", library_paths()), ("stands", stand_paths())):
         path, some = folder / file_name(part, design), SOME_PATHS.get(design) if part == "node" else None
         if path.exists():
-            read_node(path)  # one of other paths is refused before hours are spent on the rest
+            read_node(path)  # a file of other paths is refused before the rest is solved for hours
             continue
         if known is not None and len(same):
             save_node(solved_node(known, int(same[0]), part == "stands"), path)
@@ -148,7 +148,7 @@ def _solve(design: Design, folder: Path, known: Library | None) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
+    """Run the command line; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m sensing.simulator.similarity.solve", description="Solve the library of states (an hour)."
     )
@@ -164,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ParameterError(f"node={options.node} outside 0..{len(NODES) - 1}", name="node", value=options.node)
         make_folder(options.out)
         if options.node is None:
-            require_place(options.library)  # before an hour is spent
+            require_place(options.library)  # before the solver runs for an hour
         for number in numbers:
             _solve(NODES[number], options.out, load_library(options.library) if options.keep else None)
         if options.node is None:

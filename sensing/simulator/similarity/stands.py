@@ -1,10 +1,10 @@
-"""The simulated robot of any size: the scene of D=130 T=8 scaled in all lengths, its loads within the weights' range.
+"""The simulated robot of any size: the scene of D=130 T=8 with all lengths scaled, its loads within the weights' range.
 
     scene, weight_n = robot_of(EndcapParams(180, 10), silicone().shear)
 
-The robot is a scaled copy: bars, rings and centre of mass go with R, so that every endcap meets the ground at the same
-tilt. Its weight goes with the endcaps' loads (:class:`LoadScale`), and so that the largest load is that of the released
-35 N: the robot of 12 kg presses with up to 52 N.
+The robot is a scaled copy: bars, rings and centre of mass scale with R, so that every endcap meets the ground at the
+same tilt. Its weight scales with the endcaps' loads (:class:`LoadScale`), such that the largest load corresponds to the
+released 35 N: the robot of 12 kg presses with up to 52 N.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def robot_of(params: EndcapParams, silicone_name: str) -> tuple[RobotScene, floa
 
 
 def _screwed_on(params: EndcapParams) -> Array:
-    """(6, 4, 4) endcap to robot of the scaled robot: the spheres' centres go with R."""
+    """(6, 4, 4) T_robot_endcap of the scaled robot, mm: the spheres' centres scale with R."""
     poses = plan().T_robot_endcap.copy()
     outward = poses[:, :3, 2]
     centres = poses[:, :3, 3] + outward * released.PARAMS.centre_height_mm

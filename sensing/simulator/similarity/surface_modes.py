@@ -1,7 +1,7 @@
-"""The library's modes at any directions of any shell, without meshing it: one reference mesh serves all (units of R).
+"""The library's modes at any direction of any shell, without a mesh of it: one reference mesh serves all (units of R).
 
-Points of different shells correspond by their place in the mesh's disc (:func:`disc_points`); a direction of one is
-taken to that of the reference shell at the same place, and read there.
+Points of different shells correspond by their position in the mesh's disc (:func:`disc_points`); a direction of one is
+mapped to that of the reference shell at the same position, where the modes are interpolated.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
 from sensing.simulator.solid.mesh import Index
 from sensing.simulator.solid.surface import InnerSurface, turn_about_axis
 
-REFERENCE = (130.0, 8.0)
+REFERENCE = (130.0, 8.0)  # D and T of the reference shell, mm
 
 
 def modes_at(library: Library, geometry: ShellGeometry, directions: Array, azimuth_deg: float = 0.0) -> Array:
     """(M, d, 3) modes at directions (d, 3) from the sphere's centre, for a contact at an azimuth.
 
     Args:
-        library: whose modes.
+        library: library of the modes.
         geometry: the shell.
-        directions: unit vectors.
-        azimuth_deg: of the contact.
+        directions: (d, 3) unit vectors.
+        azimuth_deg: azimuth of the contact, degrees.
 
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.
@@ -52,7 +52,7 @@ def _reference() -> tuple[InnerSurface, Index]:
 
 
 def _on_reference(geometry: ShellGeometry, directions: Array) -> Array:
-    """Directions (d, 3) of the reference shell at the same places of the disc."""
+    """Directions (d, 3) of the reference shell at the same positions in the disc."""
     centre = np.array(geometry.centre_mm)
     place = disc_points(geometry, centre + geometry.inner_radius_mm * directions)
     share, azimuth = np.hypot(place[:, 0], place[:, 1]), np.arctan2(place[:, 1], place[:, 0])

@@ -1,7 +1,7 @@
 """Level 0: closed forms for a pressed dome, and their limits of validity (N, mm, MPa).
 
-All forms are for the intact sphere, small strain, no friction; each names its validity range. The simulator's tests and
-report measure how far they are from the full model.
+All forms hold for the intact sphere at small strain without friction; each states its validity range. The simulator's
+tests and report measure their differences from the full model.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ def reissner_stiffness_n_mm(young_mpa: float, poisson: float, radius_mm: float, 
     """Stiffness of a thin spherical shell under a point load, F / w.
 
     Args:
-        young_mpa, poisson: E and nu.
-        radius_mm: R, the middle radius.
-        wall_mm: T.
+        young_mpa, poisson: Young's modulus E, MPa, and Poisson's ratio nu.
+        radius_mm: R, radius of the middle surface, mm.
+        wall_mm: wall thickness T, mm.
 
     Notes:
         F / w = 8 D / l^2 = 4 E T^2 / (R sqrt(3 (1 - nu^2))), D = E T^3 / (12 (1 - nu^2)) and
@@ -37,9 +37,9 @@ def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: 
     """Force on a solid elastic sphere (or of a rigid sphere on a half-space) at a depth.
 
     Args:
-        young_mpa, poisson: E and nu of what is elastic.
-        radius_mm: R of the sphere.
-        depth_mm: d, approach.
+        young_mpa, poisson: Young's modulus E, MPa, and Poisson's ratio nu of the elastic body.
+        radius_mm: radius R of the sphere, mm.
+        depth_mm: approach d, mm.
 
     Notes:
         F = 4/3 E* sqrt(R) d^(3/2), E* = E / (1 - nu^2), contact radius a = sqrt(R d) (Johnson 1985, Contact Mechanics,
@@ -49,7 +49,7 @@ def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: 
 
 
 def hertz_radius_mm(radius_mm: float, depth_mm: float) -> float:
-    """Contact radius of Hertz, a = sqrt(R d)."""
+    """Contact radius of Hertz, a = sqrt(R d), mm."""
     return math.sqrt(radius_mm * depth_mm)
 
 
@@ -57,9 +57,9 @@ def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, norma
     """Radius of the sticking core of a Hertz contact under a tangential force.
 
     Args:
-        contact_radius_mm: a.
-        tangential_n, normal_n: Q and P.
-        friction: mu.
+        contact_radius_mm: contact radius a, mm.
+        tangential_n, normal_n: tangential force Q and normal force P, N.
+        friction: Coulomb's mu.
 
     Notes:
         c = a (1 - Q / (mu P))^(1/3) (Cattaneo 1938, Mindlin 1949; Johnson 1985, eq. 7.40). Zero once Q >= mu P.
@@ -71,13 +71,13 @@ def flattening_force_n(geometry: ShellGeometry, law: HyperelasticLaw, depth_mm: 
     """Force of a rigid plane that flattens a thin shell: Reissner's line, F = k d.
 
     Args:
-        geometry, law: the shell.
-        depth_mm: d, approach of the plane.
+        geometry, law: the shell and its silicone.
+        depth_mm: approach d of the plane, mm.
 
     Notes:
         A plane flattens the dome first (Updike, Kalnins 1970, doi:10.1115/1.3408580): the ring of contact grows and the
-        force stays nearly linear in the depth until the flattened part inverts, at a depth of about 2 T. Beyond it the
-        full model answers.
+        force stays nearly linear in the depth until the flattened part inverts, at a depth of about 2 T. Beyond it only
+        the full model holds.
     """
     return point_stiffness_n_mm(geometry, law) * depth_mm
 
@@ -86,7 +86,7 @@ def inflated_sphere_pressure_mpa(shear_mpa: float, inner_stretch: float, outer_s
     """Pressure in an incompressible neo-Hookean thick sphere.
 
     Args:
-        shear_mpa: mu.
+        shear_mpa: shear modulus mu, MPa.
         inner_stretch, outer_stretch: la and lb, hoop stretches of inner and outer surface.
 
     Notes:
@@ -106,10 +106,10 @@ def lame_displacement_mm(
     """Radial displacement of a thick sphere under small inner pressure.
 
     Args:
-        pressure_mpa: p.
-        young_mpa, poisson: E and nu.
-        inner_mm, outer_mm: radii a and b.
-        radius_mm: r, where the displacement is wanted.
+        pressure_mpa: inner pressure p, MPa.
+        young_mpa, poisson: Young's modulus E, MPa, and Poisson's ratio nu.
+        inner_mm, outer_mm: inner and outer radius a and b, mm.
+        radius_mm: radius r at which the displacement is computed, mm.
 
     Notes:
         u = p a^3 / (E (b^3 - a^3)) [(1 - 2 nu) r + (1 + nu) b^3 / (2 r^2)] (Lame; Timoshenko, Goodier, art. 136). Exact

@@ -28,7 +28,7 @@ class ElementData:
     Attributes:
         gradient: shape gradients by reference position (e, 27 points, 27 nodes, 3), 1/mm.
         rows: the same as (e, 27 nodes, 3 x 27), direction before point, for the force kernel.
-        weight: volumes of the Gauss points (e, 27), mm3.
+        weight: reference volumes of the Gauss points (e, 27), mm3.
         psi: pressure basis at the Gauss points (27, 4).
         mass_inverse: inverse of the pressure mass matrix (e, 4, 4), 1/mm3.
     """
@@ -56,12 +56,12 @@ def element_data(mesh: HexMesh) -> ElementData:
 def energy_and_force(law: HyperelasticLaw, data: ElementData, displacement: Array) -> tuple[float, Array]:
     """Stored energy (mJ) and nodal forces (e, 27, 3), N.
 
-    An element turned inside out gives infinite energy, which every line search refuses.
+    An inverted element gives infinite energy, which every line search refuses.
 
     Args:
         law: hyperelastic constants.
         data: the undeformed elements.
-        displacement: of their nodes (e, 27, 3), mm.
+        displacement: displacement of their nodes (e, 27, 3), mm.
     """
     energy, force = elastic_kernels.energy_force(
         displacement, data.rows, data.weight, data.psi, data.mass_inverse,
@@ -76,7 +76,7 @@ def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Arr
     Args:
         law: hyperelastic constants.
         data: the undeformed elements.
-        displacement: of their nodes (e, 27, 3), mm.
+        displacement: displacement of their nodes (e, 27, 3), mm.
     """
     return elastic_kernels.tangent(
         displacement, data.gradient, data.weight, data.psi, data.mass_inverse,
@@ -85,30 +85,30 @@ def tangent(law: HyperelasticLaw, data: ElementData, displacement: Array) -> Arr
 
 
 def deformation_gradient(data: ElementData, displacement: Array) -> Array:
-    """F at the Gauss points (e, 27, 3, 3) of element displacements (e, 27, 3)."""
+    """Deformation gradient F (e, 27, 3, 3) at the Gauss points, for displacements of the nodes (e, 27, 3), mm."""
     slopes = (displacement.transpose(0, 2, 1) @ data.rows).reshape(-1, 3, 3, data.weight.shape[1])  # du_i/dX_j, point
     return np.ascontiguousarray(slopes.transpose(0, 3, 1, 2)) + np.eye(3)
 
 
 @dataclass(frozen=True)
 class Prestress:
-    """A second Piola-Kirchhoff stress that stands whatever the strain. Its potential (C - 1):Q / 2 is quadratic in u.
+    """A second Piola-Kirchhoff stress Q independent of the strain; its potential (C - 1):Q / 2 is quadratic in u.
 
     Attributes:
-        force: nodal forces at rest (e, 27, 3), N.
-        block: their slope by the nodes' displacement, the same in each direction (e, 27, 27), N/mm.
+        force: nodal forces of the undeformed elements (e, 27, 3), N.
+        block: derivative of the forces by the nodal displacement, the same in each direction (e, 27, 27), N/mm.
     """
 
     force: Array
     block: Array
 
     def energy_and_force(self, displacement: Array) -> tuple[float, Array]:
-        """Potential (mJ) and nodal forces (e, 27, 3) of element displacements (e, 27, 3)."""
+        """Potential (mJ) and nodal forces (e, 27, 3), N, for displacements of the elements' nodes (e, 27, 3), mm."""
         rise = self.block @ displacement
         return float((displacement * (self.force + rise / 2)).sum()), self.force + rise
 
     def tangent(self) -> Array:
-        """Element matrices (e, 81, 81)."""
+        """Element matrices (e, 81, 81), N/mm."""
         return np.einsum("eab,ij->eaibj", self.block, np.eye(3)).reshape(len(self.block), 81, 81)
 
 

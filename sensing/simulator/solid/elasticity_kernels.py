@@ -1,8 +1,8 @@
 """Compiled loops of :mod:`sensing.simulator.solid.elasticity`, whose equations they are (N, mm, MPa).
 
 Forces have long inner loops over direction and Gauss point together, so that they vectorise: F, its cofactors and the
-stress of an element are (3, 3 x 27), place 27 j + q for direction j and point q. Helpers are always inlined: what they
-are compiled to then does not depend on whether this process compiled them or loaded them.
+stress of an element are (3, 3 x 27), place 27 j + q for direction j and point q. Helpers are always inlined, so that
+their machine code does not depend on whether this process compiled or loaded them.
 """
 
 # mypy: ignore-errors
@@ -13,17 +13,17 @@ import math
 import numpy as np
 from numba import njit
 
-_FAST = {"reassoc", "contract"}
-_HELPER, _FAST_HELPER = {"forceinline": True}, {"forceinline": True, "fastmath": _FAST}
+_FAST = {"reassoc", "contract"}  # floating-point transformations that the force loops allow
+_HELPER, _FAST_HELPER = {"forceinline": True}, {"forceinline": True, "fastmath": _FAST}  # options of inlined helpers
 
 
 @njit(cache=True, fastmath=_FAST)
 def energy_force(u, rows, weight, psi, mass_inverse, c10, c20, c30, bulk):
-    """Energy (mJ) and nodal forces (e, 27, 3), N; infinite where an element is turned inside out.
+    """Energy (mJ) and nodal forces (e, 27, 3), N; infinite where an element is inverted.
 
     Args:
         u: element displacements (e, 27, 3), mm.
-        rows, weight, psi, mass_inverse: of :class:`sensing.simulator.solid.elasticity.ElementData`.
+        rows, weight, psi, mass_inverse: fields of :class:`sensing.simulator.solid.elasticity.ElementData`.
         c10, c20, c30, bulk: constants of the law, MPa.
     """
     count, points = weight.shape
@@ -51,7 +51,7 @@ def energy_force(u, rows, weight, psi, mass_inverse, c10, c20, c30, bulk):
 
 @njit(**_FAST_HELPER)
 def _stretch(u, rows, f):
-    """F of all points from nodal u (27, 3)."""
+    """Write F of all points, for nodal u (27, 3), into ``f``."""
     points = rows.shape[1] // 3
     for i in range(3):
         for k in range(3 * points):
@@ -68,7 +68,7 @@ def _stretch(u, rows, f):
 
 @njit(**_FAST_HELPER)
 def _cofactors(f, g, det):
-    """J F^-T into ``g`` and J into ``det``; returns the least J (at most 1)."""
+    """Write J F^-T into ``g`` and J into ``det``; returns the least J (at most 1)."""
     points = det.size
     for i in range(3):
         one, two, row = f[(i + 1) % 3], f[(i + 2) % 3], g[i]
@@ -85,7 +85,7 @@ def _cofactors(f, g, det):
 
 @njit(**_FAST_HELPER)
 def _pressure(weight, psi, mass_inverse, bulk, det, b, p):
-    """Pressure at every point into ``p``; returns its energy."""
+    """Write the pressure at every point into ``p``; returns its energy, mJ."""
     energy = 0.0
     for a in range(4):
         b[a] = 0.0
@@ -104,7 +104,7 @@ def _pressure(weight, psi, mass_inverse, bulk, det, b, p):
 
 @njit(**_FAST_HELPER)
 def _stress(f, g, det, p, weight, c10, c20, c30, stress):
-    """First Piola-Kirchhoff stress times the points' volumes; returns the isochoric energy."""
+    """Write the first Piola-Kirchhoff stress times the points' volumes; returns the isochoric energy, mJ."""
     points, energy = det.size, 0.0
     for q in range(points):
         first = 0.0
@@ -128,7 +128,7 @@ def tangent(u, gradient, weight, psi, mass_inverse, c10, c20, c30, bulk):
 
     Args:
         u: element displacements (e, 27, 3), mm.
-        gradient, weight, psi, mass_inverse: of :class:`sensing.simulator.solid.elasticity.ElementData`.
+        gradient, weight, psi, mass_inverse: fields of :class:`sensing.simulator.solid.elasticity.ElementData`.
         c10, c20, c30, bulk: constants of the law, MPa.
     """
     count = u.shape[0]
@@ -167,7 +167,7 @@ def _volume_rows(u, gradient, weight, psi, f, g, det, b, volume, left):
 
 @njit(**_HELPER)
 def _kinematics(u, gradient, f, g):
-    """F into ``f`` and F^-T into ``g`` (3, 3) from nodal u (27, 3); returns J."""
+    """Write F into ``f`` and F^-T into ``g`` (3, 3), for nodal u (27, 3); returns J."""
     for i in range(3):
         for j in range(3):
             total = 1.0 if i == j else 0.0
@@ -193,7 +193,7 @@ def _kinematics(u, gradient, f, g):
 
 @njit(**_HELPER)
 def _moduli(f, g, det, p, weight, c10, c20, c30, moduli):
-    """dP/dF at fixed pressure, times the point's volume, into ``moduli`` (3, 3, 3, 3)."""
+    """Write dP/dF at fixed pressure, times the point's volume, into ``moduli`` (3, 3, 3, 3)."""
     first = 0.0
     for i in range(3):
         for j in range(3):
@@ -217,7 +217,7 @@ def _moduli(f, g, det, p, weight, c10, c20, c30, moduli):
 
 @njit(**_HELPER)
 def _contract(moduli, gradient, left, result):
-    """Gradients on both sides of the moduli, into an element's matrix (81, 81)."""
+    """Write the moduli contracted with the gradients on both sides into an element's matrix (81, 81)."""
     right = np.empty((81, 81))  # [3 q + A, 27 j + c] for one i
     for i in range(3):
         for q in range(27):

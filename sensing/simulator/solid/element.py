@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-OUTER_FACE = np.arange(18, 27)  # zeta = +1
-INNER_FACE = np.arange(9)  # zeta = -1
+OUTER_FACE = np.arange(18, 27)  # local nodes of the face zeta = +1
+INNER_FACE = np.arange(9)  # local nodes of the face zeta = -1
 
 
 def gauss(count: int) -> tuple[Array, Array]:

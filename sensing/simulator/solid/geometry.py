@@ -1,4 +1,4 @@
-"""The silicone shell that the simulator sees, in the endcap frame (mm; frame of :mod:`cad.params`).
+"""Geometry of the silicone shell in the simulator, in the endcap frame (mm; frame of :mod:`cad.params`).
 
 The shell lies between two concentric spheres and ends on the plane on which it is clamped: the top of the TPU flange.
 Model assumptions: the gyroid zone above the flange (25 mm of interlocked TPU and silicone) counts as plain silicone,
@@ -16,7 +16,7 @@ from cad.errors import ParameterError
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS
 
-MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # of R: thinner ones need shell elements, thicker ones are not shells
+MIN_WALL_RATIO, MAX_WALL_RATIO = 0.02, 0.4  # T / R; thinner walls need shell elements, thicker bodies are no shells
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class ShellGeometry:
     """A clamped spherical shell; walls too thin to mold (T < 6.5 mm) are accepted, as they can be simulated.
 
     Attributes:
-        outer_radius_mm: radius R of the outer surface.
-        wall_mm: thickness T along the radius.
-        centre_height_mm: height of the spheres' centre in the endcap frame.
-        clamp_height_mm: height of the plane on which the silicone is clamped.
-        view_rim_polar_deg: polar angle at which the inner surface leaves the camera's view (for the dot pattern).
-        dot_rings, dot_mm: of the dot pattern, the released one where nothing is said.
+        outer_radius_mm: radius R of the outer surface, mm.
+        wall_mm: thickness T along the radius, mm.
+        centre_height_mm: height of the spheres' centre in the endcap frame, mm.
+        clamp_height_mm: height of the plane on which the silicone is clamped, mm.
+        view_rim_polar_deg: polar angle, degrees, at which the inner surface leaves the camera's view (for the dots).
+        dot_rings, dot_mm: the dot pattern (:mod:`cad.pattern`); by default the released one.
 
     Raises:
         ParameterError: empty or crossing geometry.
@@ -63,26 +63,26 @@ class ShellGeometry:
 
     @property
     def dot_radius_mm(self) -> float:
-        """Of a painted dot."""
+        """Radius of a painted dot, mm."""
         return self.dot_mm / 2
 
     @property
     def inner_radius_mm(self) -> float:
-        """Radius of the inner surface, that the camera sees."""
+        """Radius of the inner surface, which the camera sees, mm."""
         return self.outer_radius_mm - self.wall_mm
 
     @property
     def mid_radius_mm(self) -> float:
-        """Radius of the middle surface."""
+        """Radius of the middle surface, mm."""
         return self.outer_radius_mm - self.wall_mm / 2
 
     @property
     def centre_mm(self) -> tuple[float, float, float]:
-        """Centre of both spheres in the endcap frame."""
+        """Centre of both spheres in the endcap frame, mm."""
         return (0.0, 0.0, self.centre_height_mm)
 
     def clamp_polar_rad(self, radius_mm: float) -> float:
-        """Polar angle (from the tip) at which a concentric sphere meets the clamp plane."""
+        """Polar angle from the tip, rad, at which a concentric sphere meets the clamp plane."""
         return math.acos((self.clamp_height_mm - self.centre_height_mm) / radius_mm)
 
     @staticmethod
@@ -93,7 +93,7 @@ class ShellGeometry:
 
 
 def shell_geometry(diameter_mm: float, wall_mm: float) -> ShellGeometry:
-    """Shell from the two numbers, also for walls that :class:`cad.params.EndcapParams` refuses to make.
+    """Shell of diameter D and wall T, also for walls that :class:`cad.params.EndcapParams` refuses to make.
 
     Raises:
         ParameterError: a diameter whose sphere is smaller than its rim, or a wall that is no shell.
@@ -106,7 +106,7 @@ def shell_geometry(diameter_mm: float, wall_mm: float) -> ShellGeometry:
             name="diameter_mm",
             value=diameter_mm,
         )
-    if not wall_mm < diameter_mm / 2:  # before the view rim divides by the inner radius
+    if not wall_mm < diameter_mm / 2:  # checked before the view rim is divided by the inner radius
         raise ParameterError(
             f"wall_mm={wall_mm:g} leaves no cavity at D={diameter_mm:g}: choose a wall under {diameter_mm / 5:g}",
             name="wall_mm",

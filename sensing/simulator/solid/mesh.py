@@ -1,4 +1,4 @@
-"""Structured hexahedral meshes: the shell's O-grid, and the blocks that the verification needs (mm).
+"""Structured hexahedral meshes: the shell's O-grid, and the blocks of the verification (mm).
 
 The shell's disc (tip at the centre, clamp at radius 1) is a core of ``core x core`` quads inside ``rings`` rings of
 ``4 core`` quads, mirrored exactly in y = 0. Rings shrink toward the clamp, because the bonded edge of a nearly
@@ -19,14 +19,14 @@ from sensing.simulator.solid.element import Array, shape_hex, volume_rule
 from sensing.simulator.solid.geometry import ShellGeometry
 
 Index = NDArray[np.int64]
-CORE_SHARE = 0.8  # the core's elements against the free rings', as a length
+CORE_SHARE = 0.8  # length of the core's elements over that of the free rings
 ROUNDING = 0.6  # 0 keeps the core square (bad corners outside), 1 makes it a circle (bad corners inside)
-CLAMP_GRADING = (0.75, 0.45, 0.22, 0.1)  # lengths of the last rings against the free ones, the clamp last
+CLAMP_GRADING = (0.75, 0.45, 0.22, 0.1)  # lengths of the last rings over the free ones, the clamp last
 
 
 @dataclass(frozen=True)
 class MeshDensity:
-    """How fine the shell is meshed.
+    """Numbers of elements in the shell's mesh.
 
     Attributes:
         core: elements along a side of the core, even so that y = 0 is a mesh line.
@@ -51,6 +51,7 @@ class MeshDensity:
             )
 
 
+# Named densities, coarse to fine.
 DENSITIES = {
     "draft": MeshDensity(4, 7, 1),
     "data": MeshDensity(6, 9, 1),
@@ -85,8 +86,8 @@ def shell_mesh(geometry: ShellGeometry, density: MeshDensity, half: bool = False
 
     Args:
         geometry: the shell.
-        density: how fine.
-        half: keep y >= 0 only, for paths in the mirror plane.
+        density: numbers of elements.
+        half: whether only y >= 0 is meshed, for paths in the mirror plane.
     """
     quads = _disc_quads(density)  # (q, 9, 2)
     if half:
@@ -123,9 +124,9 @@ def sphere_octant_mesh(inner_mm: float, outer_mm: float, across: int, layers: in
     """Octant x, y, z >= 0 of a thick sphere: three patches of a cubed sphere.
 
     Args:
-        inner_mm, outer_mm: radii.
-        across: elements along an edge of a patch.
-        layers: elements through the wall.
+        inner_mm, outer_mm: inner and outer radius, mm.
+        across: number of elements along an edge of a patch.
+        layers: number of elements through the wall.
     """
     lattice = np.tan(np.linspace(0.0, math.pi / 4, 2 * across + 1))
     radii = np.linspace(inner_mm, outer_mm, 2 * layers + 1)
@@ -143,21 +144,21 @@ def sphere_octant_mesh(inner_mm: float, outer_mm: float, across: int, layers: in
 
 
 def merge(cell_points: Array, outer: Index, inner: Index) -> HexMesh:
-    """Mesh from each cell's own points: points nearer than 1e-6 of the size become one.
+    """Mesh of cells with points of their own; points nearer than 1e-6 of the size are joined.
 
     Args:
-        cell_points: (e, 27, 3), mm.
+        cell_points: points of each cell (e, 27, 3), mm.
         outer, inner: numbers of the cells that own such a face.
     """
     flat = cell_points.reshape(-1, 3)
     pitch = 1e-6 * float(np.ptp(flat, axis=0).max())
-    keys = np.round(flat / pitch + 0.25).astype(np.int64)  # the offset keeps exact zeros away from a rounding edge
+    keys = np.round(flat / pitch + 0.25).astype(np.int64)  # the offset keeps exact zeros away from a rounding threshold
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return HexMesh(flat[first], inverse.reshape(len(cell_points), 27).astype(np.int64), outer, inner)
 
 
 def _on_shell(geometry: ShellGeometry, quads: Array, level: float) -> Array:
-    """Disc points (q, 9, 2) on the sphere at ``level`` through the wall; the disc's edge lands on the clamp plane."""
+    """Disc points (q, 9, 2) mapped to the sphere at ``level`` (0..1) through the wall; the edge lies on the clamp."""
     radius = geometry.inner_radius_mm + level * geometry.wall_mm
     middle = geometry.clamp_polar_rad(geometry.mid_radius_mm)
     share = np.hypot(quads[..., 0], quads[..., 1])

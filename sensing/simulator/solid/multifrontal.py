@@ -2,10 +2,10 @@
 
 The mesh is bisected until a few elements are left; what two halves share is eliminated after both. Every front is a
 dense matrix for LAPACK: Cholesky for symmetric matrices, LU with pivoting inside the front for the unsymmetric tangent
-of sliding friction. A shell has small separators: against SuperLU, the only sparse factorisation that comes with scipy,
-it takes a quarter of the time (4.5k unknowns 27 against 100 ms, 8.9k 76 against 370 ms, in one run; the bench measures
-it again). That is why it is here. It takes element matrices as they come. Unknowns are numbered in elimination
-order, so that all maps are ascending.
+of sliding friction. A shell has small separators, so the factorisation takes a quarter of the time of SuperLU, the only
+sparse factorisation in scipy (4.5k unknowns 27 against 100 ms, 8.9k 76 against 370 ms, in one run; the bench measures
+it again). Element matrices need not be assembled first. Unknowns are numbered in elimination order, so that all maps
+are ascending.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from scipy.linalg import blas, lapack
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.mesh import Index
 
-LEAF_ELEMENTS = 4
+LEAF_ELEMENTS = 4  # elements at which the bisection stops
 
 
 @dataclass(frozen=True)
 class Front:
-    """One dense front: its unknowns (pivots first, then the contribution block), and where its parts come from.
+    """One dense front: its unknowns (pivots first, then the contribution block), and the sources of its entries.
 
     Attributes:
         variables: unknowns, ascending (k,).
-        pivot_count: how many are eliminated here.
+        pivot_count: number of unknowns that are eliminated here.
         elements: numbers of the elements assembled here (a leaf), (count,).
-        places: places of their unknowns in this front, -1 where fixed, (count, 81).
+        places: positions of their unknowns in this front, -1 where fixed, (count, 81).
         children: numbers of earlier fronts.
-        child_places: places of their shared unknowns in this front.
+        child_places: positions of their shared unknowns in this front.
     """
 
     variables: Index
@@ -45,7 +45,7 @@ class Front:
 
 
 class NotPositive(Exception):
-    """A symmetric matrix turned out not to be positive definite."""
+    """A symmetric matrix is not positive definite."""
 
 
 def dissect(dofs: Index, centroids: Array) -> tuple[Index, list[tuple[int, int, tuple[int, ...]]]]:
@@ -74,12 +74,12 @@ def dissect(dofs: Index, centroids: Array) -> tuple[Index, list[tuple[int, int, 
 
 
 def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]:
-    """Elimination order and fronts.
+    """Elimination order of the unknowns, and the fronts.
 
     Args:
         dofs: free degree of freedom of every element entry, -1 where fixed (e, 81).
-        count: how many there are.
-        centroids: of the elements (e, 3).
+        count: number of free degrees of freedom.
+        centroids: centroids of the elements (e, 3), mm.
 
     Returns:
         ``equation`` (count,), the unknown of each free degree of freedom, and the fronts over unknowns.
@@ -93,7 +93,7 @@ def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]
     np.minimum.at(first, dofs[live], where[live])
     np.maximum.at(last, dofs[live], where[live])
     owner = np.full(count, -1)
-    for number, (begin, end, _) in enumerate(spans):  # children first: the smallest span that covers a dof owns it
+    for number, (begin, end, _) in enumerate(spans):  # children first: the smallest span with a dof eliminates it
         owner[(owner < 0) & (first >= begin) & (last < end)] = number
     equation = np.empty(count, dtype=np.int64)
     equation[np.argsort(owner, kind="stable")] = np.arange(count)
@@ -112,12 +112,12 @@ def plan(dofs: Index, centroids: Array, count: int) -> tuple[Index, list[Front]]
 
 
 class FrontalFactors:
-    """Factors of a matrix given by elements.
+    """Factors of a matrix that is the sum of element matrices.
 
     Args:
-        fronts: of :func:`plan`.
+        fronts: fronts of :func:`plan`.
         blocks: element matrices (e, 81, 81), N/mm.
-        symmetric: True takes Cholesky, False LU.
+        symmetric: whether the matrix is symmetric: True takes Cholesky, False LU.
 
     Raises:
         NotPositive: a symmetric matrix with a pivot that is not positive.
@@ -160,10 +160,10 @@ class FrontalFactors:
         return x[:, 0] if one else np.ascontiguousarray(x)
 
     def solve_roughly(self, right: Array) -> Array:
-        """Solution (n,) to about 1e-6, for iterations that correct it: symmetric factors in single precision, packed.
+        """Solution (n,) to about 1e-6, for iterations that correct it; symmetric factors in single precision, packed.
 
-        Reading the factor from memory is what a solution costs; half the bytes and no call a front take a quarter of
-        the time of :meth:`solve`.
+        The time of a solution is that of reading the factor from memory; with half of the bytes and no call for each
+        front it is a quarter of that of :meth:`solve`.
         """
         if self._columns is None:
             parts = [np.concatenate(part[:2]).ravel(order="F").astype(np.float32) for part in self.parts]
@@ -219,7 +219,7 @@ class FrontalFactors:
 
 
 def _permutation(pivots: Index) -> Index:
-    """Row order that LAPACK's exchanges amount to."""
+    """Row order that results from LAPACK's exchanges."""
     order = np.arange(len(pivots))
     for row, pivot in enumerate(pivots):
         if pivot != row:
@@ -242,7 +242,7 @@ def _solve_columns(values, variables, sizes, x):  # type: ignore[no-untyped-def]
                 local[c] /= column[c]
                 pivot = local[c]
                 tail, below = local[c + 1 : size], column[c + 1 :]
-                for k in range(len(below)):  # from 0, or it does not vectorise
+                for k in range(len(below)):  # from 0, otherwise the loop is not vectorised
                     tail[k] -= pivot * below[k]
             for k in range(size):
                 x[variables[place + k]] = local[k]

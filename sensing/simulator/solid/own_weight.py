@@ -1,9 +1,9 @@
-"""How the skin sags under its own weight: in another pose than that in which it was zeroed, the dots lie elsewhere.
+"""Sag of the skin under its own weight: in a pose other than that of the reference, the dots are displaced.
 
     moved = own_weight_displacement(model, silicone().density_g_cm3, (9.81, 0, 0))    # (n, 3) nodal, mm
 
-Linear elasticity about the unloaded shape, K u = f with f_a = integral of rho g N_a dV (Bathe 2014, ch. 4): sags stay
-under a hundredth of the radius. The shell on its clamp alone; body forces in the interlock are carried by the clamp.
+Linear elasticity about the unloaded shape, K u = f with f_a = integral of rho g N_a dV (Bathe 2014, ch. 4), since sags
+stay under a hundredth of the radius. The shell is clamped at its base; the clamp carries the weight of the interlock.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from sensing.simulator.solid.shell import ShellModel
 from sensing.simulator.solid.surface import surface_sampler
 from sensing.simulator.solid.system import factorise
 
-KG_PER_MM3 = 1e-6  # of 1 g/cm3
+KG_PER_MM3 = 1e-6  # density of 1 g/cm3
 
 
 def nodal_mass_kg(model: ShellModel, density_g_cm3: float) -> Array:
-    """(n,) share of the skin's mass that each node carries; of half of it on a half model.
+    """(n,) part of the skin's mass that each node carries, kg; of half of it on a half model.
 
     Args:
-        model: of the shell.
-        density_g_cm3: of the silicone.
+        model: model of the shell.
+        density_g_cm3: density of the silicone.
     """
     mesh, (shape, _) = model.solid.mesh, shape_hex(volume_rule()[0])
-    volume_mm3 = element_data(mesh).weight  # those of the solid are larger where a stiffer interlock is
+    volume_mm3 = element_data(mesh).weight  # those of the solid are scaled where the interlock is stiffer
     share = np.einsum("eg,ga->ea", volume_mm3, shape) * density_g_cm3 * KG_PER_MM3
     return np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points)).astype(float)
 
@@ -38,9 +38,9 @@ def own_weight_displacement(model: ShellModel, density_g_cm3: float, gravity_m_s
     """Nodal displacement (n, 3) from the weightless shape, mm.
 
     Args:
-        model: the whole shell.
-        density_g_cm3: of the silicone.
-        gravity_m_s2: (3,) acceleration along which the skin falls, endcap frame.
+        model: model of the whole shell.
+        density_g_cm3: density of the silicone.
+        gravity_m_s2: (3,) acceleration of gravity, endcap frame, m/s^2.
     """
     solid = model.solid
     force = nodal_mass_kg(model, density_g_cm3)[:, None] * np.asarray(gravity_m_s2, dtype=float)
@@ -49,15 +49,15 @@ def own_weight_displacement(model: ShellModel, density_g_cm3: float, gravity_m_s
 
 
 def own_weight_profiles(model: ShellModel, density_g_cm3: float, polar_deg: Array) -> Array:
-    """(P, 5) displacement of the inner surface over the polar angle, mm by a gravity of 1 m/s^2.
+    """(P, 5) displacement of the inner surface over the polar angle, mm for a gravity of 1 m/s^2.
 
-    Of gravity along x: outward and along the polar angle at azimuth 0, and along x at azimuth 90 degrees (where the
-    azimuth runs along -x). Of gravity along the axis: outward, and along the polar angle.
+    Columns for gravity along x: outward and along the polar angle at azimuth 0, and along x at azimuth 90 degrees
+    (where the azimuth runs along -x). For gravity along the axis: outward, and along the polar angle.
 
     Args:
-        model: the whole shell.
-        density_g_cm3: of the silicone.
-        polar_deg: (P,) from the tip.
+        model: model of the whole shell.
+        density_g_cm3: density of the silicone.
+        polar_deg: (P,) polar angles from the tip, degrees.
     """
     polar = np.radians(polar_deg)
     zero = np.zeros_like(polar)

@@ -1,9 +1,9 @@
-"""Writes what own weight does to shells over the whole valid region: the table that an estimate takes it out with.
+"""Writes the table of the skin's sag under its own weight over the valid region, by which estimates are corrected.
 
     python -m sensing.simulator.solid.own_weight_table --out own_weight.csv
 
 A row has a shell's T / R, the height of its centre above the clamp over R, a polar angle, and the five profiles of
-:func:`sensing.simulator.solid.own_weight.own_weight_profiles` there, in units of rho g R^2 / mu. A minute.
+:func:`sensing.simulator.solid.own_weight.own_weight_profiles` there, in units of rho g R^2 / mu. It takes a minute.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.own_weight import KG_PER_MM3, own_weight_profiles
 from sensing.simulator.solid.shell import shell_model
 
-POLAR_DEG = np.arange(0.0, 91.0, 5.0)
+POLAR_DEG = np.arange(0.0, 91.0, 5.0)  # rows of a shell
 COLUMNS = ("wall", "clamp", "polar_deg", "side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
 
 
@@ -55,10 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def rows_of(diameter_mm: float, wall_mm: float) -> list[list[float]]:
-    """Rows of one shell; its silicone plays no part but for Poisson's ratio.
+    """Rows of one shell; of its silicone only Poisson's ratio matters.
 
     Args:
-        diameter_mm, wall_mm: of the design.
+        diameter_mm, wall_mm: outer diameter D and wall T, mm.
     """
     material, geometry = silicone(), shell_geometry(diameter_mm, wall_mm)
     law, ratios = material.neo_hooke(), ShellRatios.of(geometry)

@@ -8,7 +8,7 @@ as in :mod:`cad.materials`; the table's constants are the slow, long-term ones).
     H_i' = exp(-dt/tau_i) H_i + b_i exp(-dt/2tau_i) (S_inf' - S_inf)
 
 makes the step elastic again: isochoric constants times 1 + sum b_i exp(-dt/2tau_i), and a known prestress
-Q = sum_i exp(-dt/tau_i) H_i - b_i exp(-dt/2tau_i) S_inf with the potential C:Q / 2. So the solver stays as it is.
+Q = sum_i exp(-dt/tau_i) H_i - b_i exp(-dt/2tau_i) S_inf with the potential C:Q / 2. The elastic solver is unchanged.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ViscousHistory:
 
 
 def checked(prony: Prony) -> Prony:
-    """The series itself.
+    """The series itself, if it is valid.
 
     Raises:
         ParameterError: no term, g outside 0..1 or summing to 1 or more, tau not positive.
@@ -77,13 +77,13 @@ def rest(solid: Solid, prony: Prony) -> ViscousHistory:
 
 
 def step_solid(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float) -> Solid:
-    """The elastic solid that a step amounts to.
+    """The elastic solid that is equivalent to a step.
 
     Args:
-        solid: with its slow law.
-        history: before the step.
+        solid: the solid with its long-term law.
+        history: history before the step.
         prony: pairs (g, tau_s).
-        dt_s: length of the step.
+        dt_s: length of the step, s.
 
     Raises:
         ParameterError: ``dt_s`` is not positive.
@@ -104,11 +104,11 @@ def remember(solid: Solid, history: ViscousHistory, prony: Prony, dt_s: float, d
     """History after a step.
 
     Args:
-        solid: with its slow law.
-        history: before the step.
+        solid: the solid with its long-term law.
+        history: history before the step.
         prony: pairs (g, tau_s).
-        dt_s: length of the step.
-        displacement: nodal, at its end (n, 3), mm.
+        dt_s: length of the step, s.
+        displacement: nodal displacement at its end (n, 3), mm.
     """
     now = isochoric_stress(solid.law, solid, displacement)
     overstress = [

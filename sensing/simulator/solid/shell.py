@@ -1,4 +1,4 @@
-"""The shell model: geometry, silicone and mesh density made ready to press (frame of :mod:`cad.params`, mm, N, MPa)."""
+"""The shell model: geometry, silicone and mesh density, ready to press (frame of :mod:`cad.params`, mm, N, MPa)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import DENSITIES, Index, MeshDensity, shell_mesh
 from sensing.simulator.solid.system import Solid, build_solid
 
-PLANE_TOLERANCE_MM = 1e-6
-PLAIN, RIGID = 1.0, 100.0  # of the interlock: silicone alone, and as good as rigid
+PLANE_TOLERANCE_MM = 1e-6  # distance from a plane within which a node lies on it
+PLAIN, RIGID = 1.0, 100.0  # stiffness of the interlock over that of silicone: silicone alone, and practically rigid
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class ShellModel:
     """A clamped shell, whole or halved in its mirror plane y = 0.
 
     Attributes:
-        geometry: what is meshed.
+        geometry: geometry of the shell.
         solid: discrete solid with clamp (and mirror plane) fixed.
         surface: contact quadrature of the outer surface.
-        clamped: nodes on the clamp (m,).
+        clamped: numbers of the nodes on the clamp (m,).
         half: whether only y >= 0 is meshed; forces of the model are then half of the shell's.
-        interlock: how many times as stiff as silicone its stiffest part is.
+        interlock: stiffness of its stiffest part over that of silicone.
     """
 
     geometry: ShellGeometry
@@ -41,7 +41,7 @@ class ShellModel:
 
     @property
     def force_share(self) -> float:
-        """What part of the shell's force the mesh carries."""
+        """Part of the shell's force that the mesh carries: 1, or 0.5 for a half model."""
         return 0.5 if self.half else 1.0
 
     def whole_wrench(self, forces: Array, points: Array) -> Array:
@@ -64,13 +64,12 @@ def shell_model(
     """Mesh a shell and prepare its solver.
 
     Args:
-        geometry: the shell.
+        geometry: geometry of the shell.
         law: hyperelastic constants.
         density: a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
-        half: mesh y >= 0 only; such a model refuses paths that leave the mirror plane.
-        penalty_ratio: contact penalty over E / T.
-        interlock: how many times as stiff as silicone the zone is where it holds the TPU gyroid (GEO25), in shear and
-            bulk.
+        half: whether only y >= 0 is meshed; such a model refuses paths that leave the mirror plane.
+        penalty_ratio: contact penalty eps_n over E / T.
+        interlock: stiffness of the zone that holds the TPU gyroid (GEO25) over that of silicone, in shear and bulk.
 
     Raises:
         ParameterError: unknown density, or an interlock that is softer than silicone or beyond rigid.
@@ -96,7 +95,7 @@ def shell_model(
 
 
 def require_interlock(interlock: float) -> None:
-    """Refuse a stiffness that no interlock has.
+    """Refuse a stiffness outside the accepted range of the interlock.
 
     Raises:
         ParameterError: softer than silicone, or beyond rigid.
@@ -111,7 +110,7 @@ def require_interlock(interlock: float) -> None:
 
 
 def _stiffer_below(solid: Solid, top_mm: float, factor: float) -> Solid:
-    """The solid with stresses below a height ``factor`` times as large: its Gauss points there weigh so much more."""
+    """The solid with stresses below a height multiplied by ``factor``, as weights of its Gauss points there."""
     if factor == PLAIN:
         return solid
     local, _ = volume_rule()

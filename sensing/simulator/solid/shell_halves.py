@@ -1,4 +1,4 @@
-"""One shell meshed whole and halved, each when first needed, with one inner surface for both (mm, endcap frame)."""
+"""Whole and half model of one shell, each meshed when needed, with one inner surface for both (mm, endcap frame)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from sensing.simulator.solid.surface import (
     outline_directions,
 )
 
-MAX_SAMPLERS = 64  # azimuths kept ready
+MAX_SAMPLERS = 64  # azimuths whose samplers are kept
 
 
 class ShellHalves:
-    """Models of a shell; fields of either are read on :attr:`surface`, the half model's.
+    """Models of a shell; fields of either refer to :attr:`surface`, that of the half model.
 
     Args:
-        geometry, law: the shell.
-        density: of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
+        geometry, law: the shell and its silicone.
+        density: density of the mesh, a name of :data:`sensing.simulator.solid.mesh.DENSITIES` or own numbers.
         interlock: stiffness of its zone (:func:`shell_model`).
 
     Raises:
@@ -42,24 +42,24 @@ class ShellHalves:
         self.sampler(0.0)
 
     def model(self, half: bool) -> ShellModel:
-        """The half y >= 0 or the whole, ready to press."""
+        """The model of the half y >= 0 or of the whole shell."""
         if half not in self._models:
             self._models[half] = shell_model(self.geometry, self.law, self.density, half, interlock=self.interlock)
         return self._models[half]
 
     def surface_of(self, half: bool) -> InnerSurface:
-        """Surface read from the half or the whole model, always in the half model's numbering."""
+        """Surface of the half or the whole model, always in the half model's numbering."""
         if half not in self._surfaces:
             found = inner_surface(self.model(half))
             self._surfaces[half] = found if half else found.renumbered(self._surfaces[True])
         return self._surfaces[half]
 
     def sampler(self, azimuth_deg: float) -> SurfaceSampler:
-        """Sampler of the painted dots for a contact at an azimuth."""
+        """Sampler of the painted dots for a contact at an azimuth, degrees."""
         return self._kept(self._samplers, dot_directions(self.geometry), azimuth_deg)
 
     def outlines(self, azimuth_deg: float) -> SurfaceSampler:
-        """Sampler of the rings round the dots for a contact at an azimuth."""
+        """Sampler of the rings round the dots for a contact at an azimuth, degrees."""
         return self._kept(self._outlines, outline_directions(self.geometry), azimuth_deg)
 
     def _kept(self, samplers: dict[float, SurfaceSampler], directions: Array, azimuth_deg: float) -> SurfaceSampler:

@@ -1,4 +1,4 @@
-"""The inner surface that the camera sees: where any direction lies on it and how it moves (mm, endcap frame).
+"""The inner surface that the camera sees: its points along any direction and their displacements (mm, endcap frame).
 
 Directions are unit vectors from the sphere's centre. States are solved with the contact on azimuth 0; a contact at
 azimuth phi is the same state turned about the axis, so u_phi(X) = R(phi) u(R(-phi) X).
@@ -23,13 +23,13 @@ from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import HexMesh, Index
 from sensing.simulator.solid.shell import ShellModel
 
-# What a tracked window shows of a dot is the mean displacement of this ring round its centre, in radii of the dot (M:
-# bench/bench_wrench.py tracking). It is that wide because a window weighs what lies outside the ink, and because a
-# round outline shows only the motion across it: of a bulge, one and a half times what its mean would.
+# A tracked window shows the mean displacement of this ring round the dot's centre; radius in radii of the dot (M:
+# bench/bench_wrench.py tracking). The ring is that wide because a window also weighs what lies outside the ink, and
+# because a round outline shows only the motion across it: of a bulge, one and a half times what its mean would.
 OUTLINE_RADII, OUTLINE_POINTS = 1.75, 8
-CANDIDATES = 8
-EDGE_TOLERANCE = 1e-6
-ON_RAY = 1e-9  # relative miss of the ray
+CANDIDATES = 8  # nearest faces that are searched for a direction
+EDGE_TOLERANCE = 1e-6  # local coordinate by which a point may lie outside a face
+ON_RAY = 1e-9  # relative miss of the ray at which Newton's iteration stops
 MIRROR_MM = 1e-6  # distance from y = 0 within which a point is its own mirror image
 
 
@@ -38,8 +38,8 @@ class SurfaceSampler:
     """Interpolation from nodes to chosen points of the inner surface.
 
     Attributes:
-        nodes: (k, 9).
-        weights: (k, 9).
+        nodes: node numbers of each point's face (k, 9).
+        weights: shape functions there (k, 9).
         flip: -1 where the point lies on the mirrored half, else 1 (k,).
         turn: rotation about the axis from azimuth 0 to the contact's azimuth (3, 3).
     """
@@ -61,10 +61,10 @@ class InnerSurface:
     """The whole inner surface of a mesh, on which every level gives its displacement field, in one numbering.
 
     Attributes:
-        geometry: of the shell.
+        geometry: geometry of the shell.
         position: points at rest (k, 3), mm.
-        face: biquadratic faces (f, 9) over them.
-        nodes: their numbers in the mesh (k,).
+        face: biquadratic faces (f, 9), by numbers of these points.
+        nodes: numbers of these points among the nodes of the mesh (k,).
         flip: (k,) -1 for points in the mirrored half of the mesh, 1 for the others.
     """
 
@@ -75,13 +75,13 @@ class InnerSurface:
     flip: Array
 
     def field(self, displacement: Array) -> Array:
-        """Displacement (k, 3) of the surface from that of the mesh's nodes (n, 3)."""
+        """Displacement (k, 3) of the surface, for that of the mesh's nodes (n, 3)."""
         values = displacement[self.nodes]
         values[:, 1] *= self.flip
         return values
 
     def renumbered(self, other: InnerSurface) -> InnerSurface:
-        """This surface in the numbering of another on the same mesh (whole against half)."""
+        """This surface in the numbering of another one on the same mesh (whole or half)."""
         apart, place = cKDTree(self.position).query(other.position)
         if not apart.max() < MIRROR_MM:
             raise ParameterError("surfaces of different meshes cannot share a numbering", name="other", value=other)
@@ -92,7 +92,7 @@ class InnerSurface:
         return _sampler(self.geometry, self.position, self.face, False, directions, azimuth_deg)
 
     def interpolation(self, points_mm: Array) -> csr_matrix:
-        """Sparse (t, k) matrix from fields on this surface to points (t, 3) of the inner sphere at rest."""
+        """Sparse (t, k) matrix from fields on this surface to points (t, 3) of the undeformed inner sphere, mm."""
         offset = np.asarray(points_mm, dtype=float) - np.array(self.geometry.centre_mm)
         found = self.sampler(offset / np.linalg.norm(offset, axis=1, keepdims=True))
         starts = np.arange(len(offset) + 1) * found.nodes.shape[1]
@@ -110,7 +110,7 @@ def inner_surface(model: ShellModel) -> InnerSurface:
     mirrored = position * [1.0, -1.0, 1.0]
     apart = position[:, 1] > MIRROR_MM
     twin = np.where(apart, np.cumsum(apart) - 1 + len(nodes), np.arange(len(nodes)))
-    turned = twin[face].reshape(-1, 3, 3)[:, :, ::-1].reshape(-1, 9)  # the mirror turns a face round: undo it
+    turned = twin[face].reshape(-1, 3, 3)[:, :, ::-1].reshape(-1, 9)  # undo the reversal by the mirror
     return InnerSurface(
         model.geometry,
         np.concatenate([position, mirrored[apart]]),
@@ -123,7 +123,7 @@ def inner_surface(model: ShellModel) -> InnerSurface:
 def dot_directions(geometry: ShellGeometry) -> Array:
     """Directions (m, 3) of the painted dots, in the order of :func:`cad.dots.dot_pattern`.
 
-    The pattern asks only for inner radius, view rim, rings and size, which a shell of any wall has.
+    The pattern depends only on inner radius, view rim, rings and size, which a shell of any wall has.
     """
     return np.array([dot.direction for dot in dot_pattern(cast(EndcapParams, geometry))])
 
@@ -157,12 +157,12 @@ def turn_wrench(wrench: Array, azimuth_deg: float) -> Array:
 
 
 def surface_sampler(model: ShellModel, directions: Array, azimuth_deg: float = 0.0) -> SurfaceSampler:
-    """Find directions on the inner surface, for a contact at an azimuth.
+    """Sampler at directions on the inner surface, for a contact at an azimuth.
 
     Args:
-        model: half or whole.
+        model: half or whole model.
         directions: unit vectors from the sphere's centre (k, 3).
-        azimuth_deg: of the contact.
+        azimuth_deg: azimuth of the contact, degrees.
 
     Raises:
         ParameterError: a direction that meets the clamp before the inner surface.
@@ -186,7 +186,7 @@ def _sampler(
     local = np.zeros((len(wanted), 2))
     chosen = np.zeros(len(wanted), dtype=np.int64)
     for candidate in near.T:
-        lost = np.flatnonzero(best > 1)  # not inside a face yet
+        lost = np.flatnonzero(best > 1)  # in none of the searched faces
         found, missed = _invert(relative[candidate[lost]], wanted[lost])
         excess = np.where(missed, np.inf, np.abs(found).max(axis=1))
         better = excess < best[lost]
@@ -205,9 +205,9 @@ def _sampler(
 
 
 def _invert(corners: Array, wanted: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Local coordinates (k, 2) where faces (k, 9, 3) cross directions (k, 3), and which were missed (k,).
+    """Local coordinates (k, 2) where faces (k, 9, 3) cross directions (k, 3), and whether they converged (k,).
 
-    Newton on the two tangential parts of the point.
+    Newton's method on the two tangential components of the point.
     """
     helper = np.where(np.abs(wanted[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(wanted, helper)

@@ -29,12 +29,12 @@ class Solid:
     Attributes:
         mesh, law, data: geometry, material, precomputed element data.
         fixed: boolean mask of fixed degrees of freedom (3 n,).
-        equation: position of a degree of freedom among the unknowns, -1 where fixed (3 n,).
+        equation: number of each degree of freedom among the unknowns, -1 where fixed (3 n,).
         dof: degree of freedom of every unknown (unknowns,).
         slots: position of every element entry in ``pattern.data``, -1 where fixed (e, 81, 81).
         pattern: empty matrix (unknowns, unknowns) in CSC with the union of all element couplings.
         fronts: plan of the factorisation.
-        prestress: stress that stands whatever the strain, or None.
+        prestress: stress that does not depend on the strain, or None.
     """
 
     mesh: HexMesh
@@ -54,17 +54,17 @@ class Solid:
         return int(self.pattern.shape[0])
 
     def spread(self, free: Array) -> Array:
-        """Free values (unknowns,) as a nodal field (n, 3), zero where fixed."""
+        """Nodal field (n, 3) of values at the free degrees of freedom (unknowns,), zero where fixed."""
         field = np.zeros(self.equation.size)
         field[self.dof] = free
         return field.reshape(-1, 3)
 
     def gather(self, field: Array) -> Array:
-        """Free part (unknowns,) of a nodal field (n, 3)."""
+        """Values (unknowns,) at the free degrees of freedom of a nodal field (n, 3)."""
         return np.asarray(field.reshape(-1)[self.dof])
 
     def energy_and_force(self, displacement: Array) -> tuple[float, Array]:
-        """Stored energy (mJ) and internal nodal forces (n, 3) of a displacement (n, 3)."""
+        """Stored energy (mJ) and internal nodal forces (n, 3), N, at a displacement (n, 3), mm."""
         local = displacement[self.mesh.cells]
         energy, element_force = elastic.energy_and_force(self.law, self.data, local)
         if self.prestress is not None:
@@ -77,7 +77,7 @@ class Solid:
         return nodal_sum(element_force, self.mesh.cells, len(self.mesh.points))
 
     def tangent(self, displacement: Array) -> Array:
-        """Consistent element tangents (e, 81, 81) at a displacement (n, 3)."""
+        """Consistent element tangents (e, 81, 81), N/mm, at a displacement (n, 3), mm."""
         blocks = elastic.tangent(self.law, self.data, displacement[self.mesh.cells])
         return blocks if self.prestress is None else blocks + self.prestress.tangent()
 
@@ -100,7 +100,7 @@ class Factorisation:
         return np.asarray(self.factors.solve(right))
 
     def solve_roughly(self, right: Array) -> Array:
-        """Solution (n,) to about 1e-6, quicker where the factors can."""
+        """Solution (n,) to about 1e-6, faster where the factors support it."""
         quick = getattr(self.factors, "solve_roughly", self.factors.solve)
         return np.asarray(quick(right))
 
@@ -110,7 +110,7 @@ def build_solid(mesh: HexMesh, law: HyperelasticLaw, fixed: NDArray[np.bool_]) -
 
     Args:
         mesh, law: geometry and material.
-        fixed: which degrees of freedom are fixed (n, 3).
+        fixed: whether each degree of freedom is fixed (n, 3).
     """
     live = np.flatnonzero(~fixed.ravel())
     free = np.full(mesh.points.size, -1, dtype=np.int64)
@@ -128,9 +128,9 @@ def nodal_sum(forces: Array, numbers: Index, count: int) -> Array:
     """Sum (count, 3) of forces at the nodes.
 
     Args:
-        forces: on groups of nodes (g, a, 3).
-        numbers: of those nodes (g, a).
-        count: of all nodes.
+        forces: forces on groups of nodes (g, a, 3), N.
+        numbers: numbers of those nodes (g, a).
+        count: number of all nodes.
     """
     total = np.zeros((count, 3))
     _scatter_force(forces, numbers, total)
@@ -143,9 +143,9 @@ def factorise(solid: Solid, blocks: Array, symmetric: bool = True) -> Factorisat
     A symmetric matrix that is not positive goes to SuperLU, whose unpivoted factors count the negative pivots.
 
     Args:
-        solid: whose elements they are.
-        blocks: (e, 81, 81), N/mm.
-        symmetric: whether they are; False takes LU, which leaves ``negative`` unknown.
+        solid: solid of the elements.
+        blocks: element matrices (e, 81, 81), N/mm.
+        symmetric: whether the matrices are symmetric; False takes LU, which leaves ``negative`` unknown.
 
     Raises:
         numpy.linalg.LinAlgError: an exactly singular matrix, or one that is not finite.

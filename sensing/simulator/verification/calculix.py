@@ -1,4 +1,4 @@
-"""The same press in an independent code: CalculiX (``ccx``, Debian's calculix-ccx), deck written here (mm, N, MPa).
+"""The same press in an independent code: CalculiX (``ccx``, Debian's calculix-ccx), with its input deck (mm, N, MPa).
 
 Half a shell, clamped, pressed by a rigid plane that moves in and then sideways, with Coulomb friction and the same
 penalties. CalculiX has other elements (C3D20R: 20 nodes, reduced integration), another contact discretisation (surface
@@ -26,15 +26,15 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import Index, MeshDensity
 from sensing.simulator.solid.shell import ShellModel, shell_model
 
-# local hex27 node i + 3 j + 9 k of every C3D20 node: corners, then edges below, above and upright
+# Local hex27 node i + 3 j + 9 k of every C3D20 node: corners, then edges below, above and upright.
 C3D20 = np.array([0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15])
-BLOCK_MM = 150.0  # side of the plane's block
-TIME_LIMIT_S = 900
+BLOCK_MM = 150.0  # side of the block that carries the rigid plane
+TIME_LIMIT_S = 900  # timeout of ccx
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Both codes at the end of a path.
+    """Results of both codes at the end of a path.
 
     Attributes:
         ours, theirs: force on the whole shell by this code and by CalculiX, N, (2, 3): after the press, after the pull.
@@ -54,12 +54,12 @@ def compare(
     """Press to a depth, then pull along the meridian, in both codes.
 
     Args:
-        density: of the mesh.
-        depth_mm: to press to.
-        shift_mm: to pull along the meridian.
-        tilt_deg: polar angle of first contact.
+        density: density of the mesh.
+        depth_mm: depth of the press, mm.
+        shift_mm: travel of the pull along the meridian, mm.
+        tilt_deg: polar angle of first contact, degrees.
         friction: Coulomb's mu.
-        increments: of the press, and of the pull.
+        increments: number of increments of the press, and of the pull.
 
     Raises:
         EndcapError: ccx is missing, or did not finish.
@@ -74,7 +74,7 @@ def compare(
         _run(deck)
         moved, forces = _read(deck.with_suffix(".dat"), inner)
     ours = np.array([state.wrench[:3] for state in states])
-    theirs = np.stack([2 * forces[:, 0], np.zeros(2), 2 * forces[:, 2]], axis=1)  # the other half
+    theirs = np.stack([2 * forces[:, 0], np.zeros(2), 2 * forces[:, 2]], axis=1)  # with the other half
     marker = [state.displacement[inner] for state in states]
     return Comparison(
         ours,
@@ -176,7 +176,7 @@ def _run(deck: Path) -> None:
 
 
 def _read(path: Path, inner: Index) -> tuple[list[Array], Array]:
-    """Displacements (steps, inner, 3), and total force of the clamp on the shell turned into the plane's (steps, 3)."""
+    """(displacements (inner, 3) of each step, mm; total force of the plane on the shell (steps, 3), N)."""
     moved: list[Array] = []
     forces: list[list[float]] = []
     rows: dict[int, list[float]] = {}

@@ -22,15 +22,15 @@ from sensing.simulator.solid.shell import ShellModel, shell_model
 from sensing.simulator.solid.surface import surface_sampler
 from sensing.simulator.solid.system import build_solid
 
-BLOCK_MM, SPHERE_MM, DEPTH_MM = 12.0, 10.0, 0.1
-# Walls of Reissner's domes, and meshes that one finer in the plane or through the wall differs from by under 1 %; with
-# one layer of elements the domes are 5 to 9 % softer.
+BLOCK_MM, SPHERE_MM, DEPTH_MM = 12.0, 10.0, 0.1  # thickness of the block, radius of the ball, depth of the press
+# Walls of Reissner's domes, mm, and their meshes; one that is a step finer in the plane or through the wall differs
+# by under 1 %, and with one layer of elements the domes are 5 to 9 % softer.
 DOMES = ((3.0, MeshDensity(16, 16, 2)), (2.0, MeshDensity(22, 22, 2)), (1.5, MeshDensity(28, 28, 2)))
 
 
 @dataclass(frozen=True)
 class BallOnBlock:
-    """A rigid ball on a thick block: found and closed-form numbers at the same normal force.
+    """A rigid ball on a thick block: computed and closed-form numbers at the same normal force.
 
     ``pressure_scatter`` is the rms difference of Gauss point pressures from Hertz's over their rms: penalty contact at
     more points than the face has nodes lets single pressures oscillate, while their sums are right.
@@ -50,8 +50,8 @@ def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int
 
     Args:
         friction: Coulomb's mu.
-        travel_mm: of the ball sideways.
-        elements: of the half block along y and along z; twice as many along x.
+        travel_mm: tangential travel of the ball, mm.
+        elements: number of elements of the half block along y and along z; twice as many along x.
     """
     law = hyperelastic_law(0.34, 0.4999)
     model = _block_model(elements, law.young_mpa)
@@ -86,11 +86,11 @@ def ball_on_block(friction: float = 0.5, travel_mm: float = 0.012, elements: int
 
 
 def reissner_ratio(wall_mm: float, density: MeshDensity) -> float:
-    """Stiffness of a dome under a small ball (by the inner tip, so that the local dent stays out) over Reissner's.
+    """Stiffness of a dome under a small ball (at the inner tip, which excludes the local dent) over Reissner's.
 
     Args:
-        wall_mm: of a dome of D = 130 mm.
-        density: of its mesh; :data:`DOMES` has those that are fine enough.
+        wall_mm: wall of a dome of D = 130 mm, mm.
+        density: density of its mesh; :data:`DOMES` has sufficiently fine ones.
     """
     geometry, law = shell_geometry(130, wall_mm), silicone().neo_hooke()
     model = shell_model(geometry, law, density, half=True)

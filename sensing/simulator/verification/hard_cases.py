@@ -1,7 +1,7 @@
-"""Hard cases: each ends converged with a certificate, or refused by name; nothing may pass silently wrong (mm, N).
+"""Hard cases: each converges with a valid certificate, or is refused by name; none may be wrong silently (mm, N).
 
-A case is a list of targets on one shell. :func:`run_case` judges every state on its way by its certificate and returns
-one row of the table in the report.
+A case is a list of targets on one shell. :func:`run_case` checks the certificate of every state on its way and returns
+one row of the report's table.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import MeshDensity
 from sensing.simulator.solid.shell import shell_model
 
-RESIDUAL_LIMIT = 1e-9
-WRENCH_LIMIT = 1e-6
+RESIDUAL_LIMIT = 1e-9  # largest residual of a certificate that holds
+WRENCH_LIMIT = 1e-6  # largest wrench gap of a certificate that holds
 TILTED = Indenter(tilt_deg=30)
 
 
 @dataclass(frozen=True)
 class HardCase:
-    """A shell, a body and a path that is likely to hurt."""
+    """A shell, a body and a path that is hard to solve."""
 
     name: str
     targets: tuple[Target, ...]
@@ -36,12 +36,12 @@ class HardCase:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case.
+    """Outcome of a case.
 
     Attributes:
-        name: of the case.
+        name: name of the case.
         verdict: ``converged``, or ``refused: <reason>``, or ``WRONG: ...`` where a certificate does not hold.
-        detail: last state reached, and the refusal's words.
+        detail: last state, and text of the refusal.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Outcome:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing passed silently wrong."""
+        """Whether the case converged with a valid certificate or was refused."""
         return not self.verdict.startswith("WRONG")
 
 
@@ -110,7 +110,7 @@ CASES: tuple[HardCase, ...] = (
 
 
 def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
-    """Follow a case on a half model and check every state."""
+    """Solve a case on a half model and check every state."""
     law = silicone().neo_hooke(case.poisson)
     model = shell_model(shell_geometry(case.diameter_mm, case.wall_mm), law, density, half=True)
     press = Press(model, case.indenter, case.friction)

@@ -24,7 +24,8 @@ from sensing.simulator.solid.shell import shell_model
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 from sensing.simulator.verification import calculix as verify_calculix
 
-UNSEEN_TILTS_DEG = (23.0, 50.0)  # between fitted ones
+UNSEEN_TILTS_DEG = (23.0, 50.0)  # between tilts of the fit
+# States, seed and Coulomb coefficient of a path outside the fit.
 UNSEEN_STATES, UNSEEN_SEED, UNSEEN_FRICTION = 30, 99, 0.5
 
 
@@ -40,19 +41,19 @@ def rms(values: Array) -> float:
 
 
 def press_path() -> list[Target]:
-    """Up and down in the mirror plane."""
+    """Press and release in the mirror plane."""
     return [Target(normal_n=force) for force in (3, 5, 8, 11, 14, 17, 20, 18, 15, 12, 9, 6)]
 
 
 def circle_path() -> list[Target]:
-    """A press and a circle of 2 mm on the plane."""
+    """A press, then a circle of 2 mm on the plane."""
     angles = np.linspace(0, 2 * math.pi, 17)[1:]
     circle = [Target(20.0, None, (float(2 * np.sin(a)), float(2 * (1 - np.cos(a))))) for a in angles]
     return [Target(normal_n=force) for force in (5, 12, 20)] + circle
 
 
 def level_2_section() -> str:
-    """Level 2 against Newton on its mesh."""
+    """Level 2 against Newton's method on its mesh."""
     geometry, law = shell_geometry(130, 8), silicone().neo_hooke()
     rows = []
     for density, name, half in (
@@ -65,7 +66,7 @@ def level_2_section() -> str:
         exact, slow = _walk(press, path)
         for tolerance in (1e-2, 1e-3, 1e-4):
             fast = FrozenPress(press, tolerance)
-            for _round in range(2):  # the second round has its tangents
+            for _round in range(2):  # the second round finds its tangents stored
                 fast.fast_steps = fast.fallbacks = 0
                 found, quick = _walk(fast, path)
             errors = [
@@ -88,7 +89,7 @@ def level_2_section() -> str:
 
 
 def _walk(press: Press | FrozenPress, path: Sequence[Target]) -> tuple[list[State], float]:
-    """States along a path, and seconds of processor time for each."""
+    """States along a path, and processor time for each, s."""
     begin = time.process_time()
     state, found = press.start(), []
     for target in path:
@@ -98,7 +99,7 @@ def _walk(press: Press | FrozenPress, path: Sequence[Target]) -> tuple[list[Stat
 
 
 def level_4_section() -> str:
-    """The library against level 2 on paths, tilts and a friction that it has not seen."""
+    """The library against level 2 on paths, tilts and a friction outside its fit."""
     simulator = Simulator(shell_geometry(130, 8), silicone().neo_hooke(), "data")
     library = library_fit.fit_library(simulator)
     dots = simulator.surface.sampler(dot_directions(simulator.geometry))
@@ -136,7 +137,7 @@ def level_4_section() -> str:
 
 
 def calculix_section() -> str:
-    """The independent code."""
+    """Level 1 against CalculiX."""
     if shutil.which("ccx") is None:
         return "## CalculiX\n\nNot installed where this report was made (`apt-get install calculix-ccx`).\n"
     rows = []

@@ -1,4 +1,4 @@
-"""Level 3 against level 2: error, rate and honesty of its estimate on paths it was not trained on (mm, N).
+"""Level 3 against level 2: error, rate and calibration of its error estimate on paths outside its training (mm, N).
 
 :func:`judge` is shared by the report and by bench/bench_reduced.py and bench/bench_simulator.py.
 """
@@ -25,20 +25,20 @@ from sensing.simulator.solid.shell import shell_model
 from sensing.simulator.solid.surface import dot_directions, surface_sampler
 from sensing.simulator.verification.levels import table
 
-UNSEEN_FRICTION = 0.45
-ABOVE_N = 5.0
+UNSEEN_FRICTION = 0.45  # Coulomb coefficient of the path
+ABOVE_N = 5.0  # normal force from which the errors of states count
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Level 3 on one path.
+    """Results of level 3 on one path.
 
     Attributes:
-        error: relative rms marker error of every state above 5 N that level 3 answered (k,).
-        estimate: what it said (k,).
-        fallbacks: states of the path that level 2 answered.
-        states: all.
-        rate: states a second of processor time, fall-backs included.
+        error: relative rms marker error of every state above 5 N that level 3 solved (k,).
+        estimate: level 3's estimates of these errors (k,).
+        fallbacks: number of states that level 2 solved.
+        states: number of all states.
+        rate: states per second of processor time, fall-backs included, 1/s.
     """
 
     error: Array
@@ -49,7 +49,7 @@ class Judgement:
 
 
 def unseen_path(half: bool) -> list[Target]:
-    """Up, along a figure on the plane (or to and fro, in the mirror plane), and down."""
+    """Targets up, along a figure on the plane (or to and fro, in the mirror plane), and down."""
     path = [Target(normal_n=force) for force in (3.0, 6.0, 10.0, 15.0, 21.0, 28.0, 33.0, 24.0)]
     for angle in np.linspace(0, 2 * math.pi, 15)[1:]:
         across = 0.0 if half else 2.0 * math.sin(2 * angle)
@@ -58,13 +58,13 @@ def unseen_path(half: bool) -> list[Target]:
 
 
 def exact_states(press: Press, path: list[Target]) -> list[State]:
-    """Level 2 states to a residual a tenth of its default, to judge others by."""
+    """Level 2 states to a tenth of its default residual, as the reference."""
     fast = FrozenPress(press, TOLERANCE / 10)
     return list(accumulate(path, fast.advance, initial=fast.start()))[1:]
 
 
 def level_2_rate(fast: FrozenPress, path: list[Target]) -> float:
-    """States a second of processor time, in a second round that has its tangents."""
+    """States per second of processor time in a second round, which finds its tangents stored."""
     for _ in range(2):
         begin, state = time.process_time(), fast.start()
         for target in path:
@@ -73,13 +73,13 @@ def level_2_rate(fast: FrozenPress, path: list[Target]) -> float:
 
 
 def judge(fast: FrozenPress, reduced: ReducedModel, path: list[Target], exact: list[State]) -> Judgement:
-    """Level 3 along a path, in a second round that has the tangents of its fall-backs.
+    """Results of level 3 along a path, in a second round, which finds the tangents of its fall-backs stored.
 
     Args:
-        fast: level 2 press.
+        fast: the level 2 press.
         reduced: level 3's model of the same shell and body.
         path: its targets.
-        exact: states along it, to judge by (:func:`exact_states`).
+        exact: reference states along the path (:func:`exact_states`).
     """
     level_3 = ReducedPress(fast, reduced)
     dots = surface_sampler(fast.press.model, dot_directions(fast.press.model.geometry))
@@ -101,7 +101,7 @@ def judge(fast: FrozenPress, reduced: ReducedModel, path: list[Target], exact: l
 
 
 def level_3_section(half: bool, tilts_deg: tuple[float, ...]) -> str:
-    """Half or whole shell at some tilts."""
+    """Results of level 3 on the half or whole shell at some tilts."""
     rows, below, total = [], 0, 0
     for tilt in tilts_deg:
         model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "data", half=half)

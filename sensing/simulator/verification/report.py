@@ -1,7 +1,7 @@
 """The verification report: python -m sensing.simulator.verification writes docs/verification.md and its plots.
 
 Every number in the report is computed by the run that writes its section; --only renews chosen sections. A section is
-written as soon as it is computed, so that what fails later costs no other.
+written as soon as it is computed, so that a later failure does not lose it.
 """
 
 from __future__ import annotations
@@ -64,8 +64,10 @@ Words of the tables:
   largest difference of contact and clamp wrench over the load, *penetration* the depth by which the surface enters the
   body at the points where contact is computed (in brackets, between them). N is the normal force, T the tangential one.
 """
+# Order of the sections' groups in the report.
 ORDER = ("The solid", "Contact", "The shell", "CalculiX", "Level 2", "Level 3", "Level 4", "Hard cases")
-HARD_PARTS = 4  # sections, so that none takes many minutes
+HARD_PARTS = 4  # sections of hard cases, so that none takes many minutes
+# Loads of the press of level 1, N.
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
 
 
@@ -96,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _read(path: Path) -> dict[str, str]:
-    """Sections of an earlier report, title -> body."""
+    """Sections of an earlier report: title -> body."""
     if not path.exists():
         return {}
     parts = path.read_text(encoding="utf-8").split("\n## ")[1:]
@@ -104,7 +106,7 @@ def _read(path: Path) -> dict[str, str]:
 
 
 def _place(title: str) -> tuple[int, int, str]:
-    """Where a section stands, whenever it was written."""
+    """Sort key of a section, independent of when it was written."""
     number = re.search(r", part (\d+) of ", title)
     return [title.startswith(f"## {name}") for name in ORDER].index(True), int(number[1]) if number else 0, title
 
@@ -156,7 +158,7 @@ def _contact(_: Path) -> str:
 
 
 def _domes() -> str:
-    """Reissner's point load on thinner and thinner domes, and what one more layer of elements changes."""
+    """Reissner's point load on ever thinner domes, and the change by one more layer of elements."""
     rows = []
     for wall, density in verify_contact.DOMES:
         finer = replace(density, layers=density.layers + 1)
@@ -253,6 +255,7 @@ def _say(what: str) -> None:
     transient(what)
 
 
+# Title -> function that computes the section and writes its plots into a folder.
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "solid": _solid,
     "contact": _contact,

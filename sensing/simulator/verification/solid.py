@@ -1,6 +1,6 @@
 """Verification cases of the solid without contact: small problems with exact answers (mm, N, MPa).
 
-Each function solves one case on the simulator's own kernels and returns the number that the tests and the report judge.
+Each function solves one case with the simulator's own kernels and returns the number that tests and report check.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from sensing.simulator.solid.element import INNER_FACE, Array, face_rule, shape_
 from sensing.simulator.solid.mesh import HexMesh, Index, box_mesh, merge, sphere_octant_mesh
 from sensing.simulator.solid.system import Solid, build_solid, factorise
 
-NEWTON_STEPS = 30
+NEWTON_STEPS = 30  # most Newton steps of a case
 
 
 def equilibrium(solid: Solid, displacement: Array, load: Array | None = None) -> Array:
-    """Displacement (n, 3), mm, by Newton from one whose fixed values stay, under dead nodal loads.
+    """Displacement (n, 3), mm, under dead nodal loads, by Newton's method; values at fixed degrees of freedom are kept.
 
     Args:
         solid: mesh, law and fixed degrees of freedom.
-        displacement: to start from (n, 3), mm.
-        load: (n, 3), N; None for none.
+        displacement: start of the iteration (n, 3), mm.
+        load: nodal loads (n, 3), N; None for none.
     """
     force = np.zeros_like(displacement) if load is None else load
     for _ in range(NEWTON_STEPS):
@@ -63,9 +63,9 @@ def lame_error(across: int, layers: int, poisson: float, inner_mm: float = 1.0, 
     """Relative L2 error of the displacement of a thick sphere under small inner pressure (linear).
 
     Args:
-        across, layers: of :func:`sphere_octant_mesh`.
-        poisson: nu.
-        inner_mm, outer_mm: radii.
+        across, layers: as in :func:`sphere_octant_mesh`.
+        poisson: Poisson's ratio nu.
+        inner_mm, outer_mm: inner and outer radius, mm.
     """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(inner_mm, outer_mm, across, layers)
@@ -89,9 +89,9 @@ def inflated_sphere(inner_stretch: float, across: int, layers: int, poisson: flo
     """Pressure of a neo-Hookean sphere (radii 1 and 2) inflated to an inner stretch, and the closed form (MPa).
 
     Args:
-        inner_stretch: to inflate to.
-        across, layers: of :func:`sphere_octant_mesh`.
-        poisson: nu at small strain.
+        inner_stretch: final hoop stretch of the inner surface.
+        across, layers: as in :func:`sphere_octant_mesh`.
+        poisson: Poisson's ratio nu at small strain.
     """
     law = hyperelastic_law(0.34, poisson)
     mesh = sphere_octant_mesh(1.0, 2.0, across, layers)
@@ -116,7 +116,7 @@ def cantilever_ratio(poisson: float, load_n: float = 1e-4) -> float:
     mesh = box_mesh((5, 1, 1), (20.0, 1.0, 1.0))
     root = np.abs(mesh.points[:, 0]) < 1e-9
     fixed = np.zeros(mesh.points.shape, dtype=bool)
-    fixed[root, 0] = True  # the section may contract, so that beam theory is the exact limit
+    fixed[root, 0] = True  # the section may contract, as in beam theory
     fixed[root & (np.abs(mesh.points[:, 1] - 0.5) < 1e-9), 1] = True
     fixed[root & (np.abs(mesh.points[:, 2] - 0.5) < 1e-9), 2] = True
     solid = build_solid(mesh, law, fixed)
@@ -135,9 +135,9 @@ def cook_tip_mm(across: int, law: HyperelasticLaw, load_n: float = 0.1) -> float
     """Tip deflection of Cook's membrane (48 x 44/16 mm, plane strain, 1 mm thick) under a shear load at its end.
 
     Args:
-        across: elements along each side.
+        across: number of elements along each side.
         law: hyperelastic constants.
-        load_n: shear load.
+        load_n: shear load, N.
     """
     box = box_mesh((across, across, 1), (1.0, 1.0, 1.0))
     x, y = 48 * box.points[:, 0], box.points[:, 1]
@@ -159,10 +159,10 @@ def face_load(mesh: HexMesh, owners: Index, face: Index, pressure_mpa: float) ->
     """Nodal forces (n, 3), N, of a dead pressure on faces, pushing into the solid.
 
     Args:
-        mesh: of the solid.
+        mesh: mesh of the solid.
         owners: cells that own the faces (f,).
         face: local numbers of a face's nodes (9,), ``INNER_FACE`` or ``OUTER_FACE``.
-        pressure_mpa: pressure.
+        pressure_mpa: pressure, MPa.
     """
     local, rule = face_rule(3)
     value, grad = shape_quad(local)
@@ -177,7 +177,7 @@ def face_load(mesh: HexMesh, owners: Index, face: Index, pressure_mpa: float) ->
 
 
 def _end_shear(mesh: HexMesh, across: int, load_n: float) -> Array:
-    """Uniform shear on the end x = 48, by Simpson weights along the edge and through the thickness."""
+    """Nodal forces, N, of a uniform shear on the end x = 48, by Simpson weights along the edge and the thickness."""
     end = np.flatnonzero(np.abs(mesh.points[:, 0] - 48) < 1e-9)
     place = np.rint((mesh.points[end, 1] - 44) / 16 * 2 * across).astype(int)
     along = np.where(place % 2 == 1, 4.0, 2.0)
@@ -190,7 +190,7 @@ def _end_shear(mesh: HexMesh, across: int, load_n: float) -> Array:
 
 
 def _isochoric_guess(points: Array, before: Array, old: float, new: float, inner: Array) -> Array:
-    """Incompressible radial map to the new inner stretch, exact up to the compressibility."""
+    """Incompressible radial map to the new inner stretch, exact except for the compressibility."""
     radius = np.linalg.norm(points, axis=1, keepdims=True)
 
     def stretched(stretch: float) -> Array:

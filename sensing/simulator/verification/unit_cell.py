@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.fft import irfftn, rfftn
 
 Array = NDArray[np.float64]
-PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-COUNTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # how often a row stands in the tensor
-TOLERANCE, MAX_STEPS = 1e-6, 400
+PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # tensor indices of the six rows of a strain
+COUNTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # number of tensor components of each row
+TOLERANCE, MAX_STEPS = 1e-6, 400  # relative residual and most steps of the conjugate gradients
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Phase:
         return Phase(young_mpa / (3 * (1 - 2 * poisson)), young_mpa / (2 * (1 + poisson)))
 
     def stress(self, strain: Array) -> Array:
-        """(6, ...) stress of a strain."""
+        """(6, ...) stress of a strain (6, ...), MPa."""
         shear = 2 * np.asarray(self.shear_mpa) * strain
         shear[:3] += (np.asarray(self.bulk_mpa) - 2 / 3 * np.asarray(self.shear_mpa)) * strain[:3].sum(axis=0)
         return np.asarray(shear)
@@ -49,10 +49,10 @@ class CubicModuli:
     """Moduli of a cell with cubic symmetry, MPa.
 
     Attributes:
-        bulk_mpa: K.
-        along_mpa: (C11 - C12) / 2.
-        across_mpa: C44.
-        steps: of the conjugate gradients, in all.
+        bulk_mpa: bulk modulus K.
+        along_mpa: shear modulus (C11 - C12) / 2.
+        across_mpa: shear modulus C44.
+        steps: total number of steps of the conjugate gradients.
     """
 
     bulk_mpa: float
@@ -62,18 +62,18 @@ class CubicModuli:
 
     @property
     def shear_mpa(self) -> float:
-        """Hill's mean of Voigt's and Reuss's over all directions."""
+        """Shear modulus averaged over all directions: Hill's mean of Voigt's and Reuss's, MPa."""
         voigt = 0.4 * self.along_mpa + 0.6 * self.across_mpa
         return 0.5 * (voigt + 1 / (0.4 / self.along_mpa + 0.6 / self.across_mpa))
 
     @property
     def young_mpa(self) -> float:
-        """Young's modulus of the mean."""
+        """Young's modulus of the averaged moduli, MPa."""
         return 9 * self.bulk_mpa * self.shear_mpa / (3 * self.bulk_mpa + self.shear_mpa)
 
     @property
     def anisotropy(self) -> float:
-        """Zener's ratio, 1 where all directions are alike."""
+        """Zener's ratio, 1 for an isotropic cell."""
         return self.across_mpa / self.along_mpa
 
 
@@ -82,8 +82,8 @@ def gyroid_share(count: int, fraction: float, inside: int = 3) -> Array:
 
     Args:
         count: n, odd.
-        fraction: of the cell that the sheet fills, in all.
-        inside: points along an edge at which a voxel is looked at.
+        fraction: volume fraction of the sheet in the cell.
+        inside: points along an edge at which a voxel is sampled.
     """
     fine = count * inside
     x, y, z = np.meshgrid(*(2 * np.pi * (np.arange(fine) + 0.5) / fine,) * 3, indexing="ij", sparse=True)
@@ -93,7 +93,7 @@ def gyroid_share(count: int, fraction: float, inside: int = 3) -> Array:
         + (np.cos(y) * np.cos(z) - np.sin(x) * np.sin(y)) ** 2
         + (np.cos(z) * np.cos(x) - np.sin(y) * np.sin(z)) ** 2
     )
-    distance = np.abs(level) / np.sqrt(slope)  # to first order, as the printed sheet is made
+    distance = np.abs(level) / np.sqrt(slope)  # to first order, as for the printed sheet
     solid = distance < np.quantile(distance, fraction)
     return np.asarray(solid.reshape((count, inside) * 3).mean(axis=(1, 3, 5)))
 
@@ -102,9 +102,9 @@ def voxels(share: Array, soft: Phase, stiff: Phase, series: bool = False) -> Pha
     """Moduli of every voxel.
 
     Args:
-        share: part of the stiff phase.
+        share: volume fraction of the stiff phase in each voxel.
         soft, stiff: the phases.
-        series: phases that share a voxel lie in series (too soft) instead of side by side (too stiff).
+        series: whether phases that share a voxel act in series (too soft) instead of in parallel (too stiff).
     """
 
     def mixed(a: float | Array, b: float | Array) -> Array:
@@ -133,7 +133,7 @@ def mean_stress(cell: Phase, strain: Array) -> tuple[Array, int]:
 
     Args:
         cell: moduli of (n, n, n) voxels, n odd.
-        strain: (6,) mean, shear as tensor components.
+        strain: (6,) mean strain, shear as tensor components.
     """
     shape = np.shape(cell.shear_mpa)
     around = Phase(float(np.median(cell.bulk_mpa)), float(np.median(cell.shear_mpa)))
@@ -159,9 +159,9 @@ def mean_stress(cell: Phase, strain: Array) -> tuple[Array, int]:
 
 
 def _green(count: int, around: Phase) -> Callable[[Array], Array]:
-    """Stress (6, n, n, n) -> the compatible strain without mean that it drives in a homogeneous medium.
+    """Function from a stress (6, n, n, n) to the compatible strain without mean that it causes in a homogeneous medium.
 
-    On the rotated grid all three frequencies carry one common factor, so only the direction of their tangents counts.
+    On the rotated grid all three frequencies have one common factor, so only the direction of their tangents matters.
     """
     tangent = np.tan(np.pi * np.fft.fftfreq(count))
     axes = np.meshgrid(tangent, tangent, tangent[: count // 2 + 1], indexing="ij")
@@ -189,11 +189,11 @@ def _green(count: int, around: Phase) -> Callable[[Array], Array]:
 
 
 def hashin_shtrikman(fraction: float, soft: Phase, stiff: Phase) -> tuple[Phase, Phase]:
-    """(lower, upper) bounds of an isotropic composite (1963, doi:10.1016/0022-5096(63)90060-7).
+    """(lower, upper) bounds of an isotropic composite (Hashin, Shtrikman 1963, doi:10.1016/0022-5096(63)90060-7).
 
     Args:
-        fraction: of the stiff phase.
-        soft, stiff: the phases; the stiff one is so in both moduli.
+        fraction: volume fraction of the stiff phase.
+        soft, stiff: the phases; the stiff one has the larger bulk and shear modulus.
     """
 
     def bound(share: float, base: Phase, other: Phase) -> Phase:

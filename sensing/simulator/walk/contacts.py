@@ -1,9 +1,9 @@
-"""How the ground presses on an endcap during a run, in the words of the shell's simulation (N, degrees).
+"""Contact of the ground with an endcap during a run, in the variables of the shell's simulation (N, degrees).
 
     contacts = contacts_of(walk, robot, robot.endcaps[0], rows)
 
-The contact's direction on the dome is that of the ground's normal, seen from the endcap: on the rigid sphere of the run
-the two are one. Load and pull are the parts of the ground's force along it and across it.
+The contact's direction on the dome is that of the ground's normal in the endcap frame: on the rigid sphere of the run
+the two are the same. Load and pull are the normal and the tangential component of the ground's force.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class Contacts:
     """One endcap at n times.
 
     Attributes:
-        time_s: (n,).
-        tilt_deg: (n,) from the tip to the contact; 0 without one.
-        azimuth_deg: (n,) of it, endcap frame.
-        normal_n: (n,) load along the inward normal; 0 without contact.
-        tangential_n: (n, 2) of the ground on the endcap, along (meridian, lateral) as in
+        time_s: (n,) times, s.
+        tilt_deg: (n,) angle from the tip to the contact, degrees; 0 without contact.
+        azimuth_deg: (n,) azimuth of the contact, endcap frame, degrees.
+        normal_n: (n,) load along the inward normal, N; 0 without contact.
+        tangential_n: (n, 2) force of the ground on the endcap, N, along (meridian, lateral) as in
             :mod:`sensing.simulator.contact.indenter`.
     """
 
@@ -37,7 +37,7 @@ class Contacts:
     tangential_n: Array
 
     def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Contacts:
-        """Some of them, by index or mask."""
+        """The contacts that an index or a mask selects."""
         return Contacts(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
 
 
@@ -45,10 +45,10 @@ def contacts_of(walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, rows:
     """Contacts of an endcap.
 
     Args:
-        walk: what happened.
-        robot: whose.
-        endcap: which.
-        rows: samples of the walk.
+        walk: the run.
+        robot: robot of the run.
+        endcap: endcap whose contacts are returned.
+        rows: numbers of samples of the run.
     """
     number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)
     into = np.swapaxes(walk.T_world_bar[rows, bar, :3, :3] @ endcap.T_bar_endcap[:3, :3], 1, 2)

@@ -1,12 +1,12 @@
-"""A slow gait: the robot tips from face to face because its cables move the mass over an edge of what it stands on.
+"""A slow gait: the robot tips from face to face, because its cables move the mass over an edge of the face below it.
 
     gait = TippingGait(heading_deg=30.0)
     rest_m = gait.rest_lengths(robot, poses, time_s, rest_m, step_s)
 
 For each three endcaps on the ground, and each of their edges, a change of the cables' rest lengths tips the robot over
-that edge (:mod:`sensing.simulator.walk.tips`). The gait takes the edge nearest to its heading, stays with it until
-the robot has tipped, and takes another one where it has not after some time. It reads the true poses: it is no part
-of what is estimated.
+that edge (:mod:`sensing.simulator.walk.tips`). The gait chooses the edge nearest to its heading, keeps it until
+the robot has tipped, and chooses another one if it has not after some time. It uses the true poses; no estimate
+depends on it.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ import numpy as np
 from sensing.simulator.walk.tips import Face, Tip, Tips, endcap_centres, outward
 from sensing.tensegrity.description import Array, TensegrityRobot
 
-STAND_S = 2.0  # at the start, for the gyroscopes' zero
-PATIENCE_S = 5.0  # then the next edge
+STAND_S = 2.0  # time at the start, in which the gyroscopes' offsets are found
+PATIENCE_S = 5.0  # time after which another edge is chosen
 
 
 @dataclass
 class TippingGait:
-    """A gait and its state.
+    """A gait with its state.
 
     Attributes:
-        heading_deg: direction of travel, from world x.
-        swing_deg, swing_s: amplitude and period of its turns.
-        speed_m_s: fastest change of a rest length.
-        reach: of the changes in the table that are made.
-        pause_s: (length, every) of stops; none where every is 0.
-        tips: tips of the robot in use; None before the first call.
+        heading_deg: direction of travel, from world x, degrees.
+        swing_deg, swing_s: amplitude, degrees, and period, s, of the changes of its heading.
+        speed_m_s: largest speed of a rest length, m/s.
+        reach: part of the table's changes that is made.
+        pause_s: (length, period) of stops, s; none where the period is 0.
+        tips: tips of the robot; None before the first call.
         tip: the tip in progress; None before the first.
         since_s: time at which that tip began.
     """
@@ -51,14 +51,14 @@ class TippingGait:
     def rest_lengths(
         self, robot: TensegrityRobot, poses: Array, time_s: float, before_m: Array, step_s: float
     ) -> Array:
-        """(C,) m of the next moment.
+        """(C,) rest lengths at the next time, m.
 
         Args:
-            robot: its cables.
-            poses: (B, 4, 4) m, true.
-            time_s: since the start.
-            before_m: (C,) of the moment before.
-            step_s: time between the two.
+            robot: robot with its cables.
+            poses: (B, 4, 4) m, true T_world_bar.
+            time_s: time since the start, s.
+            before_m: (C,) rest lengths at the last time, m.
+            step_s: time between the two, s.
         """
         self.tips = self.tips or Tips(robot)
         length, every = self.pause_s
@@ -75,7 +75,7 @@ class TippingGait:
         return np.asarray(before_m + np.clip(target - before_m, -most, most))
 
     def _choose(self, tips: Tips, centres: Array, face: Face, time_s: float, tried: Tip | None) -> Tip:
-        """The tip over the edge that looks most along the heading, but for one that was tried in vain."""
+        """The tip over the edge nearest to the heading, except one that was tried without success."""
         angle = math.radians(self.heading_deg + self.swing_deg * math.sin(2 * math.pi * time_s / self.swing_s))
         heading = np.array([math.cos(angle), math.sin(angle)])
         middle = centres[list(face), :2].mean(axis=0)
@@ -85,20 +85,20 @@ class TippingGait:
 
 
 def lowest_face(centres: Array, faces: list[Face]) -> Face:
-    """The face that looks most nearly straight down.
+    """The face whose normal is nearest to straight down.
 
     Args:
-        centres: (E, 3) m of the endcaps.
-        faces: of the robot.
+        centres: (E, 3) m, centres of the endcaps.
+        faces: faces of the robot.
     """
     return min(faces, key=lambda face: outward(centres, face)[2])
 
 
 def tuning_gait(seed: int) -> TippingGait:
-    """The gait of runs on which numbers are chosen: straight, without stops."""
+    """Gait of the runs on which settings are chosen: straight, without stops."""
     return TippingGait(heading_deg=30.0 * seed)
 
 
 def held_out_gait(seed: int) -> TippingGait:
-    """The gait of runs from which numbers are published: faster, in curves, with stops."""
+    """Gait of the runs from which numbers are published: faster, in curves, with stops."""
     return TippingGait(heading_deg=137.5 * seed, swing_deg=50.0, swing_s=17.0, speed_m_s=0.16, pause_s=(1.0, 7.0))

@@ -1,11 +1,11 @@
-"""MJCF of a tensegrity robot: bars, endcaps that give, cables that only pull (m, kg, s, N).
+"""MJCF of a tensegrity robot: bars, endcaps with compliant domes, cables that only pull (m, kg, s, N).
 
 An endcap's dome is a rigid sphere on three slides with springs, and touches the ground with a hard contact: its force
-at a depth does not depend on what it carries. The contact's own compliance (``solref``) would scale with
+at a depth does not depend on the mass that it carries. The contact's own compliance (``solref``) would scale with
 the carried mass. The integrator is explicit: an implicit one changes a light dome's velocity after the contact
-was solved, and held contacts slide.
-A cable is a spatial tendon whose spring begins at its rest length; an actuator adds the damping and never more than
-the spring pulls. Bars do not collide, neither with one another nor with the ground.
+was solved, so that held contacts slide.
+A cable is a spatial tendon whose spring begins at its rest length; an actuator adds the damping, at most as large as
+the spring's force. Bars collide neither with one another nor with the ground.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from cad.params import EndcapParams
 from sensing.simulator.walk.terrain import HARD, Ground
 from sensing.tensegrity.description import GRAVITY_M_S2, Array, Bar, MountedEndcap, TensegrityRobot
 
-TIMESTEP_S = 0.001
+TIMESTEP_S = 0.001  # time step of MuJoCo
 
 
 @dataclass(frozen=True)
 class Dome:
-    """How the dome of an endcap gives.
+    """Compliance of an endcap's dome.
 
     Attributes:
-        stiffness_n_m: of each slide; 4 N/mm is that of D=130 T=8 under 5 to 10 mm (docs/verification.md).
-        damping_ns_m: of each slide (E).
-        mass_kg: of the moving shell.
+        stiffness_n_m: stiffness of each slide, N/m; 4 N/mm: D=130 T=8 under 5 to 10 mm (docs/verification.md).
+        damping_ns_m: damping of each slide, N s/m (E).
+        mass_kg: mass of the moving shell, kg.
     """
 
     stiffness_n_m: float = 4000.0
@@ -44,13 +44,13 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
     """The model as XML; ``ground.heights`` go into the compiled model.
 
     Args:
-        robot: what to build.
-        ground: what it stands on.
+        robot: description of the robot.
+        ground: ground below it.
         poses: (B, 4, 4) m, T_world_bar at the start.
-        dome: how its endcaps give.
+        dome: compliance of its endcaps.
 
     Raises:
-        ParameterError: a bar of which the domes of its endcaps leave no body.
+        ParameterError: a bar whose mass or inertia is smaller than that of its domes.
     """
     bodies = "".join(_bar(robot, number, pose, dome) for number, pose in enumerate(poses))
     return f"""<mujoco model={quoteattr(robot.name)}>
@@ -154,7 +154,7 @@ def _cable(robot: TensegrityRobot, place: int) -> str:
 
 
 def quaternion(rotation: Array) -> Array:
-    """(4,) w, x, y, z of a rotation matrix (Shepperd 1978, doi:10.2514/3.55767b)."""
+    """(4,) quaternion w, x, y, z of a rotation matrix (Shepperd 1978, doi:10.2514/3.55767b)."""
     trace = float(np.trace(rotation))
     size = np.array([trace, *np.diag(rotation)])
     largest = int(np.argmax(size))

@@ -1,12 +1,12 @@
-"""Pictures of the cameras of a robot's endcaps during a run, one of the pressed dome for every frame.
+"""Pictures of the cameras of a robot's endcaps during a run: one of the pressed dome for every frame.
 
     sensor = WalkSensor(simulator, number=101)
     rest = [sensor.picture(None, noise) for noise in range(10)]
     frames = sensor.frames(states, contacts)                       # sensing.records.Frame, capture times of the run
 
-Every endcap is an endcap of its own: paint, camera and mounting scatter as hand assembly scatters them. A picture is
-that of a shell at rest under the load of its moment: no motion within the exposure, no rate effects, and no torque
-about the contact's normal, which the simulator's bodies do not exert.
+Every endcap has paint, camera and mounting of its own, with random errors of hand assembly. A picture shows a shell
+at rest under the load of its moment: without motion during the exposure, rate effects, and torque about the contact's
+normal, which the simulator's bodies do not exert.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from sensing.simulator.solid.element import Array
 from sensing.simulator.walk.contacts import Contacts
 from sensing.simulator.walk.pressed import PressedStates
 
-REST = 10  # pictures of the untouched dome before the run
+REST = 10  # number of pictures of the untouched dome before the run
 
 
 class WalkSensor:
     """The camera in one endcap.
 
     Args:
-        simulator: of the shell.
-        number: of the sensor: its paint, and how its camera sits
+        simulator: simulator of the shell.
+        number: number of the sensor, which determines its paint and the errors of its camera and mounting
             (:class:`sensing.simulator.dataset.request.DataRequest`).
         render: quality of the pictures.
     """
@@ -46,13 +46,13 @@ class WalkSensor:
         )
 
     def picture(self, field_mm: Array | None, noise: int, azimuth_deg: float = 0.0) -> bytes:
-        """JPEG of a state.
+        """JPEG bytes of a state.
 
         Args:
             field_mm: (k, 3) displacement of the simulator's inner surface, contact on azimuth 0; None for the untouched
                 dome.
-            noise: number that selects it.
-            azimuth_deg: of the contact.
+            noise: number that selects the noise.
+            azimuth_deg: azimuth of the contact, degrees.
         """
         return self._renderer.render(field_mm, azimuth_deg=azimuth_deg, frame=noise).jpeg
 
@@ -64,11 +64,11 @@ class WalkSensor:
         ]
 
     def frames(self, states: PressedStates, contacts: Contacts) -> Iterator[Frame]:
-        """A frame for each moment of a run.
+        """One frame for each moment of a run.
 
         Args:
-            states: of the shell.
-            contacts: to which they belong.
+            states: states of the shell.
+            contacts: contacts of these states.
         """
         for k, time_s in enumerate(contacts.time_s):
             field = states.surface_mm[k].astype(float) if contacts.normal_n[k] > 0 else None

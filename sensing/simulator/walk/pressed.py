@@ -5,8 +5,8 @@
     states.wrench[0]                                       # of that very state: what its picture should read
 
 The library of level 4 ends at 38 N and 54 degrees; a rolling robot stands on tilts of 46 to 78 degrees and pulls with
-up to its friction, 0.7 of the load. No state knows the one before it: a contact is pressed along its normal and then
-pulled, however it came about in the run.
+up to its friction, 0.7 of the load. No state depends on the one before it: a contact is pressed along its normal and
+then pulled, whatever its history in the run.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from sensing.simulator.walk.contacts import Contacts
 from sensing.simulator.walk.truth import DAMAGED
 
 Array = NDArray[np.float64]
-FRICTION = 0.9  # of the solved contacts: the pull of a sliding endcap, 0.7 of its load, has to be held
-LEAST_N = 1.0  # below, the patch is smaller than an element
-MOST_N, MOST_TILT_DEG = 60.0, 74.0  # beyond, one state takes minutes
+FRICTION = 0.9  # Coulomb coefficient of the solved contacts: a sliding endcap pulls 0.7 of its load
+LEAST_N = 1.0  # load below which the patch is smaller than an element
+MOST_N, MOST_TILT_DEG = 60.0, 74.0  # load and tilt beyond which one state takes minutes
 EASED = ((0.0, 1.0), (0.0, 0.7), (3.0, 1.0), (3.0, 0.7), (6.0, 0.7), (10.0, 0.5))  # degrees less tilt, part of the pull
 MILLI = np.array([1.0] * 3 + [1e-3] * 3)  # N mm to N m
 
 
 @dataclass(frozen=True)
 class PressedStates:
-    """The shell under n contacts.
+    """States of the shell under n contacts.
 
     Attributes:
         surface_mm: (n, k, 3) displacement of the simulator's inner surface, contact on azimuth 0; 0 without contact.
-        wrench: (n, 6) on the endcap at its origin, endcap frame, N and N m: of this very state, not of the run.
-        clamped: (n,) True where the run's contact lies beyond what was solved: the state is of a contact near it.
+        wrench: (n, 6) wrench on the endcap at its origin, endcap frame, N and N m: of the solved state, not of the run.
+        clamped: (n,) whether the run's contact lies outside the solved range, so that the state is that of a near one.
     """
 
     surface_mm: NDArray[np.float32]
@@ -59,16 +59,16 @@ def solve_contacts(
 ) -> PressedStates:
     """Solve the shell under every contact.
 
-    A load below :data:`LEAST_N` is the state of that load in proportion. A tilt or load beyond :data:`MOST_TILT_DEG`
-    and :data:`MOST_N` is theirs; where the simulator refuses, tilt and pull are eased step by step.
+    Below :data:`LEAST_N` the state is that of this load in proportion. Above :data:`MOST_TILT_DEG` or :data:`MOST_N` it
+    is that of the limit; where the simulator refuses, tilt and pull are reduced step by step.
 
     Args:
-        simulator: of the shell, level 1 or 2.
-        contacts: of one endcap.
-        progress: called with the count of moments done.
+        simulator: simulator of the shell, level 1 or 2.
+        contacts: contacts of one endcap.
+        progress: called with the number of contacts done.
 
     Raises:
-        Refusal: no contact near one of them has an answer.
+        Refusal: the simulator solves no contact near one of them.
     """
     count = len(contacts.time_s)
     surface = np.zeros((count, len(simulator.surface.position), 3), dtype=np.float32)
@@ -84,7 +84,7 @@ def solve_contacts(
 
 
 def _solve(simulator: Simulator, contacts: Contacts, k: int) -> tuple[SceneState, bool]:
-    """State of a contact or of one near it, and whether it is another's."""
+    """State of a contact or of one near it, and whether it is that of another contact."""
     reason: Refusal | None = None
     for tilt_deg, normal_n, pull_n, eased in _tried(contacts, k):
         try:
@@ -94,13 +94,13 @@ def _solve(simulator: Simulator, contacts: Contacts, k: int) -> tuple[SceneState
             LOG.debug(f"tilt {tilt_deg:.1f}, {normal_n:.1f} N, pull {pull_n}: {refusal}")
             reason = refusal
         finally:
-            simulator.forget()  # a state depends on its own contact alone
+            simulator.forget()  # a state depends only on its own contact
     assert reason is not None
     raise reason
 
 
 def _tried(contacts: Contacts, k: int) -> Iterator[tuple[float, float, Array, bool]]:
-    """(tilt, load, pull, whether it is another contact's) to try, in this order."""
+    """(tilt, load, pull, whether they are another contact's) to try, in this order."""
     load, tilt = float(contacts.normal_n[k]), float(contacts.tilt_deg[k])
     taken, leaned = float(np.clip(load, LEAST_N, MOST_N)), min(tilt, MOST_TILT_DEG)
     ratio = contacts.tangential_n[k] / load
@@ -110,7 +110,7 @@ def _tried(contacts: Contacts, k: int) -> Iterator[tuple[float, float, Array, bo
 
 
 def save_states(states: PressedStates, path: Path) -> None:
-    """Write ``.npz`` under a temporary name, then rename."""
+    """Write the states as ``.npz`` under a temporary name, then rename the file."""
     np.savez_compressed(buffer := io.BytesIO(), **{one.name: getattr(states, one.name) for one in fields(states)})
     put_file(path, buffer.getvalue())
 

@@ -1,4 +1,4 @@
-"""One run of the robot over a terrain, as it truly was.
+"""Simulates one run of the robot over a terrain; the result is the true motion.
 
 walk = simulate_walk(load_robot(), Terrain.ROUGH, TippingGait(), seed=1, duration_s=40.0)
 walk.T_world_bar, walk.force_n, walk.slip_m_s
@@ -21,23 +21,23 @@ from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.shape import balanced_shape, rotation_of
 
-SAMPLE_S = 0.005  # of the truth
-SETTLE_S = 5.0  # before the run, unrecorded
-CABLE_DAMPING_NS_M = 40.0
-GAIT_STEPS = 20  # steps of the simulation between two of the gait
+SAMPLE_S = 0.005  # interval of the samples of the truth
+SETTLE_S = 5.0  # simulated time before the run, which is not recorded
+CABLE_DAMPING_NS_M = 40.0  # damping of a cable
+GAIT_STEPS = 20  # time steps of the simulation between two of the gait
 
 
 class Simulation:
-    """The compiled model and its state; the ground's reaction is read endcap by endcap."""
+    """The compiled model and its state, with the ground's reaction on each endcap."""
 
     def __init__(self, robot: TensegrityRobot, surface: Ground, poses: Array, dome: Dome = Dome()) -> None:  # noqa: B008
-        """Compile.
+        """Compile the model.
 
         Args:
-            robot: what is simulated.
-            surface: what it stands on.
-            poses: (B, 4, 4) m at the start.
-            dome: of its endcaps.
+            robot: description of the robot.
+            surface: ground below it.
+            poses: (B, 4, 4) m, T_world_bar at the start.
+            dome: compliance of its endcaps.
         """
         self.robot = robot
         self.model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, surface, poses, dome))
@@ -65,7 +65,7 @@ class Simulation:
         mujoco.mj_forward(self.model, self.data)
 
     def step(self) -> None:
-        """One time step, with the cables' damping as far as they pull."""
+        """One time step; a cable's damping is at most its pull."""
         self.model.tendon_lengthspring[:, 1] = self.rest_m
         pull = self.stiffness * np.maximum(0.0, self.data.ten_length - self.rest_m)
         damping = CABLE_DAMPING_NS_M * self.data.ten_velocity
@@ -77,26 +77,26 @@ class Simulation:
     def poses(self) -> Array:
         """(B, 4, 4) m, T_world_bar."""
         poses, turn = np.tile(np.eye(4), (len(self.bodies), 1, 1)), np.zeros(9)
-        for pose, at in zip(poses, self.place_at, strict=True):  # not xmat, which is that of the step's begin
+        for pose, at in zip(poses, self.place_at, strict=True):  # not xmat, which is that at the beginning of the step
             mujoco.mju_quat2Mat(turn, self.data.qpos[at + 3 : at + 7])
             pose[:3, :3], pose[:3, 3] = turn.reshape(3, 3), self.data.qpos[at : at + 3]
         return poses
 
     @property
     def velocities(self) -> Array:
-        """(B, 6): of the bar's origin (m/s, world axes), angular (rad/s, bar axes)."""
+        """(B, 6) velocity of the bar's origin (m/s, world axes) and angular velocity (rad/s, bar axes)."""
         return np.array([self.data.qvel[at : at + 6] for at in self.velocity_at])
 
     @property
     def ground_force_n(self) -> Array:
-        """(E, 3) of the ground on each dome in the last step, world axes; its slides have the bar's axes."""
+        """(E, 3) force of the ground on each dome in the last step, N, world axes; its slides have the bar's axes."""
         rotation = self.data.xmat[self.shells].reshape(-1, 3, 3)
         return np.asarray(np.einsum("nij,nj->ni", rotation, self.data.qfrc_constraint[self.slides]))
 
     def contacts(self) -> Array:
-        """(E, 12) of each endcap: torque N m about the contact point, that point m, slip m/s, normal; world axes.
+        """(E, 12) contact of each endcap, world axes: torque N m about its point, that point m, slip m/s, normal.
 
-        Several contacts of one endcap become one: torques add, the rest is the mean by force. Zero without contact.
+        Several contacts of an endcap are merged: torques are added, the rest is averaged by force. 0 without contact.
         """
         result, parts = np.zeros((len(self.domes), 12)), np.zeros(6)
         found: dict[int, list[tuple[Array, Array, Array]]] = {}
@@ -136,15 +136,15 @@ def simulate_walk(
     duration_s: float = 40.0,
     progress: Callable[[float], None] | None = None,
 ) -> Walk:
-    """Simulate a run; the seed turns the robot, shapes the ground and places the push.
+    """Simulate a run; the seed determines attitude and ground, and the direction of the push.
 
     Args:
-        robot: what rolls.
-        terrain: on what.
-        gait: how; None for the one of tuning.
-        seed: of all that is random.
-        duration_s: of the run.
-        progress: called with the simulated time, each 0.1 s.
+        robot: robot that rolls.
+        terrain: terrain of the run.
+        gait: gait of the robot; None for that of tuning.
+        seed: seed of all random numbers.
+        duration_s: duration of the run, s.
+        progress: called with the simulated time, s, every 0.1 s.
 
     Raises:
         ParameterError: the robot rolls off the ground before the end, or a bar is lighter than its domes.
@@ -182,9 +182,9 @@ def _require_ground(surface: Ground, centres: Array, time_s: float) -> None:
     """Refuse a run that has left the ground, where it would fall for ever.
 
     Args:
-        surface: on which it rolls.
-        centres: (E, 3) m of the endcaps.
-        time_s: since the start.
+        surface: ground of the run.
+        centres: (E, 3) m, centres of the endcaps.
+        time_s: time since the start, s.
     """
     if np.abs(centres[:, :2]).max() > surface.half_m:
         raise ParameterError(
@@ -195,7 +195,7 @@ def _require_ground(surface: Ground, centres: Array, time_s: float) -> None:
 
 
 class _Rows:
-    """The truth, sample by sample."""
+    """Rows of the truth, one for each sample."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
@@ -203,14 +203,14 @@ class _Rows:
         self.force, self.steps = simulation.ground_force_n, 1
 
     def push(self) -> None:
-        """Count a step's force into the next sample, which holds the mean since the one before."""
+        """Add a step's force to the next sample, which holds the mean since the last one."""
         self.force = self.force + self.simulation.ground_force_n
         self.steps += 1
 
     def add(self, time_s: float) -> None:
         now = self.simulation
         contacts, force = now.contacts(), self.force / self.steps
-        left = ~contacts.any(axis=1) & force.any(axis=1)  # it touched within the interval, and no longer does
+        left = ~contacts.any(axis=1) & force.any(axis=1)  # it touched within the interval, but not at its end
         contacts[left, 9:] = [0, 0, 1]
         contacts[left, 3:6] = now.data.xpos[now.shells[left]] - now.model.geom_size[now.geoms[left], :1] * [0, 0, 1]
         length, tension = now.data.ten_length.copy(), now.tension_n
@@ -238,7 +238,7 @@ def _horizontal(angle: float) -> Array:
 
 
 def _lying(robot: TensegrityRobot, surface: Ground, rng: np.random.Generator) -> Array:
-    """(B, 4, 4) m: the balanced shape on its side, turned at random, its lowest endcap just above the ground."""
+    """(B, 4, 4) m, T_world_bar: the balanced shape on its side, turned at random, lowest endcap above the ground."""
     poses = balanced_shape(robot).T_world_bar
     centre = poses[:, :3, 3].mean(axis=0)
     turn = rotation_of(np.array([0.0, 0.0, rng.uniform(0, 2 * math.pi)]))

@@ -31,33 +31,33 @@ from sensing.tensegrity.description import (
 )
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 
-# RMSE on sensors never seen, of the weights before those here. Loads of D=130 T=8; others in proportion (LoadScale)
+# RMSE of earlier weights on sensors outside their training. Loads of D=130 T=8; others in proportion (LoadScale).
 NOISE = Path(__file__).with_name("wrench_noise.csv")
-MOST_TILT_DEG, MOST_LOAD_N = 60.0, 60.0  # of their training: beyond it flagged
-TILT_GROWTH_DEG = 10.0  # tilt beyond it that doubles the errors (E)
-TOUCH_N, RELEASE_N = 0.5, 0.3
-SLOW_SHARE, SLOW_S = 0.8, 0.3  # part of a wrench error's variance that stays for this time (E)
+MOST_TILT_DEG, MOST_LOAD_N = 60.0, 60.0  # range of their training, beyond which wrenches are flagged
+TILT_GROWTH_DEG = 10.0  # E: tilt beyond it by which the errors double
+TOUCH_N, RELEASE_N = 0.5, 0.3  # force at which contact begins, and ends
+SLOW_SHARE, SLOW_S = 0.8, 0.3  # E: correlated part of a wrench error's variance; its correlation time
 
 
 @dataclass(frozen=True)
 class SensorSet:
-    """Rates, noise and delays.
+    """Rates, noise and delays of the sensors.
 
     Attributes:
-        inertial_hz, length_hz, wrench_hz: rates; the truth's rate divides into them evenly or is rounded to.
+        inertial_hz, length_hz, wrench_hz: rates, Hz, rounded to those that divide the rate of the truth.
         gyro_rad_s_rthz, acceleration_m_s2_rthz: white noise densities, Bosch BMI088 (data sheet: 0.014 degrees/s and
             175 micro-g a root Hz).
-        gyro_zero_rad_s, acceleration_zero_m_s2: standard deviation of the constant offsets that are left (E: 0.1
-            degrees/s after a warm start, 2 mg after calibration in six positions; the part's own are 1 and 20 mg).
-        gyro_walk, acceleration_walk: their random walks, rad/s and m/s2 a root s (E).
-        length_m: standard deviation of a cable's length.
+        gyro_zero_rad_s, acceleration_zero_m_s2: standard deviation of the remaining constant offsets (E: 0.1 degrees/s
+            after a warm start, 2 mg after calibration in six positions; the part's own are 1 and 20 mg).
+        gyro_walk, acceleration_walk: random walks of the offsets, rad/s and m/s2 per root s (E).
+        length_m: standard deviation of a cable's length, m.
         wrench_noise: factor on the errors of ``wrench_noise.csv``.
-        beyond_noise: further factor on those beyond the range of training; their stated deviation grows by its square
+        beyond_noise: further factor on those beyond the range of training; the stated deviation grows by its square
             root only (1 is more than pictures show, docs/robot_accuracy.md).
-        force_scale: of every force and torque, as a wrong silicone makes it.
-        inertial_delay_s, length_delay_s, wrench_delay_s: from capture to arrival.
-        jitter_s: of the wrenches'.
-        gyroscopes: how many sensors report, those with an accelerometer first.
+        force_scale: factor on every force and torque, as of a wrong silicone.
+        inertial_delay_s, length_delay_s, wrench_delay_s: time from capture to arrival, s.
+        jitter_s: random part of the wrenches' delay, s.
+        gyroscopes: number of inertial sensors that report, those with an accelerometer first.
     """
 
     inertial_hz: float = 200.0
@@ -82,11 +82,11 @@ class SensorSet:
 
 @dataclass(frozen=True)
 class Arrival:
-    """A sample and when it arrives.
+    """A sample with its time of arrival.
 
     Attributes:
-        at_s: on the clock of the samples' capture times.
-        sample: what arrives.
+        at_s: time of arrival, s, on the clock of the samples' capture times.
+        sample: sample that arrives.
     """
 
     at_s: float
@@ -97,10 +97,10 @@ def sensor_stream(walk: Walk, robot: TensegrityRobot, sensors: SensorSet | None 
     """All samples of a run, in the order in which they arrive.
 
     Args:
-        walk: what happened.
-        robot: which sensors there are.
+        walk: the run.
+        robot: robot with its sensors.
         sensors: accuracy of the sensors.
-        seed: of all noise.
+        seed: seed of all noise.
     """
     sensors = sensors or SensorSet()
     arrivals: list[Arrival] = []
@@ -128,10 +128,10 @@ def inertial_samples(
     """Samples of one inertial sensor; each is the mean over the interval that ends at its time.
 
     Args:
-        walk: what happened.
+        walk: the run.
         robot, sensor: the robot, and one of its inertial sensors.
         sensors: accuracy of the sensor.
-        rng: of its noise.
+        rng: random numbers of its noise.
     """
     rows = _rows(walk, sensors.inertial_hz)
     bar = robot.bar_number(sensor.bar)
@@ -161,10 +161,10 @@ def foot_samples(
     """Wrenches of one endcap on its mating plane, with the errors of :data:`NOISE` in proportion to its shell.
 
     Args:
-        walk: what happened.
+        walk: the run.
         robot, endcap: the robot, and the name of one of its endcaps.
         sensors: accuracy of the endcap.
-        rng: of its errors.
+        rng: random numbers of its errors.
     """
     rows = _rows(walk, sensors.wrench_hz, float(rng.uniform(0, 1)))
     scale = shell_scale(endcap)
@@ -198,12 +198,12 @@ def foot_samples(
 def true_wrenches(
     walk: Walk, robot: TensegrityRobot, endcap: MountedEndcap, rows: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """((n, 6) wrench on the endcap, its frame, at the mating plane; (n,) degrees from its tip to the contact).
+    """((n, 6) wrench on the endcap at the mating plane, its frame, N, N m; (n,) degrees from its tip to the contact).
 
     Args:
-        walk: what happened.
+        walk: the run.
         robot, endcap: the robot, and the name of one of its endcaps.
-        rows: samples of the walk.
+        rows: numbers of samples of the run.
     """
     number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)
     pose = walk.T_world_bar[rows, bar] @ endcap.T_bar_endcap
@@ -228,9 +228,9 @@ def wrench_sigma(tilt_deg: Array, load_n: Array, scale: LoadScale) -> Array:
     """(n, 6) standard deviation of the wrench's errors, N and N m; larger beyond the range of training.
 
     Args:
-        tilt_deg: (n,) from the tip to the contact.
-        load_n: (n,) force.
-        scale: of the shell.
+        tilt_deg: (n,) angle from the tip to the contact, degrees.
+        load_n: (n,) force, N.
+        scale: load scale of the shell.
     """
     table, tilts, loads = _noise_table()
     load_n = load_n / scale.force
@@ -238,7 +238,7 @@ def wrench_sigma(tilt_deg: Array, load_n: Array, scale: LoadScale) -> Array:
     column = np.searchsorted(loads, load_n, side="right") - 1
     beyond = np.maximum(1.0, load_n / MOST_LOAD_N) * (1.0 + np.maximum(0.0, tilt_deg - MOST_TILT_DEG) / TILT_GROWTH_DEG)
     cells = table[row, column] * beyond[:, None]
-    torque = scale.force * scale.depth  # forces by a lever
+    torque = scale.force * scale.depth  # force times lever
     return np.asarray(cells[:, [0, 0, 1, 2, 2, 2]] * np.repeat([scale.force, torque], 3))
 
 
@@ -251,7 +251,7 @@ def _noise_table() -> tuple[Array, Array, Array]:
 
 
 def rotation_vectors(rotations: Array) -> Array:
-    """(n, 3) of rotations (n, 3, 3) by less than half a turn."""
+    """(n, 3) rotation vectors, rad, of rotations (n, 3, 3) by less than half a turn."""
     axis = np.stack(
         [
             rotations[:, 2, 1] - rotations[:, 1, 2],
@@ -267,7 +267,7 @@ def rotation_vectors(rotations: Array) -> Array:
 
 
 def rotation_matrices(vectors: Array) -> Array:
-    """(n, 3, 3) of rotation vectors (n, 3), rad."""
+    """(n, 3, 3) rotation matrices of rotation vectors (n, 3), rad."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     cross = np.zeros((len(vectors), 3, 3))
     cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0] = vectors.T
@@ -277,20 +277,20 @@ def rotation_matrices(vectors: Array) -> Array:
 
 
 def _rows(walk: Walk, rate_hz: float, phase: float = 0.0) -> NDArray[np.int64]:
-    """Samples of the walk nearest to a clock of a rate, whose first tick is ``phase`` of a period late."""
+    """Numbers of the walk's samples nearest to the ticks of a rate, Hz; the first is ``phase`` of a period late."""
     ticks = np.arange(phase / rate_hz, float(walk.time_s[-1]) + 1e-9, 1 / rate_hz)
     return np.unique(np.clip(np.round(ticks / (walk.time_s[1] - walk.time_s[0])), 0, len(walk.time_s) - 1).astype(int))
 
 
 def _errors(rng: np.random.Generator, step: Array, density: float, zero: float, walk: float) -> Array:
-    """(n, 3) white noise, constant offset and random walk over steps (n, 1) s."""
+    """(n, 3) sum of white noise, constant offset and random walk over steps (n, 1), s."""
     white = density / np.sqrt(step) * rng.normal(size=(len(step), 3))
     drift = np.cumsum(walk * np.sqrt(step) * rng.normal(size=(len(step), 3)), axis=0)
     return np.asarray(white + zero * rng.normal(size=3) + drift)
 
 
 def _slow(rng: np.random.Generator, step: Array, count: int) -> Array:
-    """(n + 1, count) numbers of variance 1, of which :data:`SLOW_SHARE` stays for :data:`SLOW_S`."""
+    """(n + 1, count) numbers of variance 1, of which :data:`SLOW_SHARE` has the correlation time :data:`SLOW_S`."""
     slow = np.empty((len(step) + 1, count))
     slow[0] = rng.normal(size=count)
     for k, keep in enumerate(np.exp(-step / SLOW_S)):

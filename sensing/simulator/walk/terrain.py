@@ -1,4 +1,4 @@
-"""Ground on which the simulated robot rolls: flat, rough, slope, stairs, slippery; a drop on it, a push (m, N, s).
+"""Ground of the simulated robot: flat, rough, slope, stairs, slippery; with a drop or a push (m, N, s).
 
     ground(Terrain.ROUGH, seed=3).xml, .heights, .friction
 
@@ -15,18 +15,18 @@ import numpy as np
 
 from sensing.tensegrity.description import Array
 
-FRICTION = 0.7  # silicone on concrete or wood (E)
-SLIPPERY = 0.3
-SPIN_LEVER_M = 0.01  # of friction about the normal: 2/3 of a contact of 15 mm radius
-ROUGH_M = 0.04  # between the lowest and the highest places, which are cut off level beyond it
+FRICTION = 0.7  # E: Coulomb's mu of silicone on concrete or wood
+SLIPPERY = 0.3  # Coulomb's mu of the slippery ground
+SPIN_LEVER_M = 0.01  # friction torque about the normal over its friction force: 2/3 of a contact of 15 mm radius
+ROUGH_M = 0.04  # height between the lowest and the highest places; higher ones are cut off
 ROUGH_LENGTH_M = 0.15  # standard deviation of the window that smooths the heights
 HALF_M, CELL_M = 12.0, 0.05  # of the rough ground: half its side, distance of its grid points
-SLOPE_DEG = 6.0
-STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along the heading from 0.8 m on
-FIRST_STEP_M = 0.8
-DROP_M, LANDS_S = 0.3, 6.0  # LANDS_S: until a robot that was dropped has come to rest
-HARD = 'solref="0.002 1" solimp="0.9 0.95 0.001"'  # of every contact: a hard one
-PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25
+SLOPE_DEG = 6.0  # inclination of the slope
+STEP_M, TREAD_M, STEPS = 0.03, 0.6, 20  # stairs that lead up along the heading: height, depth and number
+FIRST_STEP_M = 0.8  # distance of the first step from the origin
+DROP_M, LANDS_S = 0.3, 6.0  # height of the drop; time until a dropped robot is at rest
+HARD = 'solref="0.002 1" solimp="0.9 0.95 0.001"'  # solver parameters of every contact: a hard one
+PUSH_N, PUSH_FROM_S, PUSH_FOR_S = 60.0, 12.0, 0.25  # horizontal force of the push, its beginning and duration
 
 
 class Terrain(Enum):
@@ -43,17 +43,17 @@ class Terrain(Enum):
 
 @dataclass(frozen=True)
 class Ground:
-    """The ground as MJCF.
+    """The ground in MJCF.
 
     Attributes:
-        xml: its geoms.
-        assets: what they refer to.
-        heights: (N, N) m of a height field, empty without.
+        xml: geoms of the ground.
+        assets: assets of these geoms.
+        heights: (N, N) m, heights of a height field; empty without one.
         friction: Coulomb's mu.
-        up: (3,) its normal.
-        drop_m: height of fall.
-        push_n: force of a push.
-        half_m: how far it reaches from the origin, along x and y.
+        up: (3,) normal of the ground.
+        drop_m: height of the drop, m.
+        push_n: force of the push, N.
+        half_m: distance from the origin to its edge along x and y, m.
     """
 
     xml: str
@@ -70,9 +70,9 @@ def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
     """The ground of a terrain.
 
     Args:
-        terrain: which.
-        seed: shapes the rough ground and turns the slope.
-        heading_deg: from world x; the stairs lead up along it.
+        terrain: kind of terrain.
+        seed: seed of the rough ground's heights and of the slope's direction.
+        heading_deg: direction in which the stairs lead up, from world x, degrees.
     """
     plane = '<geom name="ground" type="plane" size="0 0 1" {} {}/>'
     rng = np.random.default_rng([seed, 17])
@@ -97,7 +97,7 @@ def ground(terrain: Terrain, seed: int = 0, heading_deg: float = 0.0) -> Ground:
 
 
 def rough_heights(rng: np.random.Generator) -> Array:
-    """(N, N) m, smooth noise from 0 to :data:`ROUGH_M`."""
+    """(N, N) m, smooth random heights from 0 to :data:`ROUGH_M`."""
     count = round(2 * HALF_M / CELL_M) + 1
     wave = np.fft.fftfreq(count, CELL_M) * 2 * math.pi
     window = np.exp(-((ROUGH_LENGTH_M * wave) ** 2) / 2)

@@ -1,4 +1,4 @@
-"""Tips: which change of the cables takes a robot's mass over an edge of what it stands on.
+"""Tips: changes of the cables that move a robot's mass over an edge of the face on which it stands.
 
     tips = Tips(load_robot())
     tips.faces                                          # what it can stand on: three endcaps each
@@ -6,9 +6,9 @@
 
 Notes:
     Statics without weight: the cables' balanced shape q of rest lengths r has g(q, r) = J' k max(0, l - r) = 0, so its
-    slopes are dq/dr = H^+ J' k, with H = dg/dq and l the lengths. The mass is moved toward an edge by the smallest
-    change of r, step by step. ``tips.csv`` holds those of the robot that ships, found in a like way before
-    this module was; a robot of another mechanism gets its own, each when it is first asked for.
+    derivative is dq/dr = H^+ J' k, with H = dg/dq and l the lengths. The mass is moved toward an edge by the smallest
+    change of r, step by step. ``tips.csv`` holds the tips of the robot that ships, found by a similar method before
+    this module existed; tips of a robot with another mechanism are computed when they are first needed.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.shape import Shape, balanced_shape, cable_lengths, moved
 
-TABLE = Path(__file__).with_name("tips.csv")
-BEYOND_SHARE = 0.25  # of the least height of the mass over a face: by so much it goes beyond the edge
-MOST_SHARE = 0.41  # of a rest length: most that it changes
-STEP_SHARE, STEPS = 0.06, 30  # of a rest length: most in one step
-MARGIN_M = 1e-3
-LEAST_N, TIGHTER_SHARE = 2.0, 0.01  # a cable that pulls less is shortened by this part of its rest length in a step
-NUDGE = 1e-5  # m and rad, of finite differences
-FLAT_M2, LEVEL_M = 1e-6, 1e-4  # three centres in a line; others no further out than this
+TABLE = Path(__file__).with_name("tips.csv")  # tips of the robot that ships
+BEYOND_SHARE = 0.25  # distance by which the mass passes the edge, over the least height of the mass over a face
+MOST_SHARE = 0.41  # of a rest length: its largest change
+STEP_SHARE, STEPS = 0.06, 30  # largest change in one step, of a rest length; largest number of steps
+MARGIN_M = 1e-3  # distance beyond the goal at which a step aims
+LEAST_N, TIGHTER_SHARE = 2.0, 0.01  # cables that pull less are shortened by this part of their rest length in a step
+NUDGE = 1e-5  # step of finite differences, m and rad
+FLAT_M2, LEVEL_M = 1e-6, 1e-4  # limits for three centres in a line, and for other centres in the plane of a face
 Face = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Tip:
-    """How the robot leaves a face over one of its edges.
+    """A tip: the robot leaves a face over one of its edges.
 
     Attributes:
         face: numbers of the three endcaps on the ground.
-        lifted: the one that leaves it.
-        change_m: (C,) of rest lengths.
+        lifted: number of the endcap that leaves the ground.
+        change_m: (C,) changes of the rest lengths, m.
     """
 
     face: Face
@@ -65,10 +65,10 @@ def load_tips(path: Path = TABLE) -> tuple[Tip, ...]:
 
 
 class Tips:
-    """The faces of a robot and how it leaves them.
+    """The faces of a robot and its tips from each.
 
     Args:
-        robot: any whose endcaps span a body that has triangular faces.
+        robot: any robot whose endcaps span a body with triangular faces.
 
     Raises:
         ParameterError: there is no face to stand on, or a bar without stated ends.
@@ -90,11 +90,11 @@ class Tips:
         self._beyond_m = BEYOND_SHARE * min(_height_m(robot, self._standing.T_world_bar, face) for face in self.faces)
 
     def over(self, face: Face, lifted: int) -> Tip:
-        """How to leave a face; where the cables cannot, as far as they can.
+        """The tip that leaves a face; if the cables cannot complete it, the largest part of it.
 
         Args:
             face: one of ``faces``.
-            lifted: the endcap of it that leaves the ground.
+            lifted: endcap of the face that leaves the ground.
         """
         if (face, lifted) not in self._found:
             self._found[face, lifted] = Tip(face, lifted, self._change(face, lifted))
@@ -122,8 +122,8 @@ def with_change(robot: TensegrityRobot, change_m: Array) -> TensegrityRobot:
     """The robot with other rest lengths.
 
     Args:
-        robot: as described.
-        change_m: (C,) of its rest lengths.
+        robot: description of the robot.
+        change_m: (C,) changes of its rest lengths, m.
     """
     cables = zip(robot.cables, change_m.tolist(), strict=True)
     return replace(robot, cables=tuple(replace(cable, rest_m=cable.rest_m + change) for cable, change in cables))
@@ -142,8 +142,8 @@ def outward(centres: Array, face: Face) -> Array:
     """(3,) unit normal of a face, away from the robot's middle.
 
     Args:
-        centres: (E, 3) of the endcaps.
-        face: three of them.
+        centres: (E, 3) m, centres of the endcaps.
+        face: numbers of three endcaps.
     """
     first, second, third = centres[list(face)]
     (ax, ay, az), (bx, by, bz) = second - first, third - first
@@ -153,10 +153,10 @@ def outward(centres: Array, face: Face) -> Array:
 
 
 def hull_faces(centres: Array) -> list[Face]:
-    """The threes of endcaps that have all others on one side.
+    """The triples of endcaps that have all others on one side.
 
     Args:
-        centres: (E, 3) m.
+        centres: (E, 3) m, centres of the endcaps.
     """
     faces: list[Face] = []
     for face in combinations(range(len(centres)), 3):
@@ -169,13 +169,13 @@ def hull_faces(centres: Array) -> list[Face]:
 
 
 def inside_edge_m(robot: TensegrityRobot, poses: Array, face: Face, lifted: int) -> float:
-    """Distance of the mass, seen along a face's normal, from the edge that stays; negative beyond it.
+    """Distance, m, of the mass from the edge that stays, along the face; negative beyond the edge.
 
     Args:
-        robot: whose masses.
-        poses: (B, 4, 4) m.
-        face: three endcaps.
-        lifted: the one that is not of the edge.
+        robot: robot with its masses.
+        poses: (B, 4, 4) m, T_world_bar.
+        face: numbers of three endcaps.
+        lifted: the endcap that is not on the edge.
     """
     centres = endcap_centres(robot, poses)
     first, second = (centres[number] for number in face if number != lifted)
@@ -186,11 +186,11 @@ def inside_edge_m(robot: TensegrityRobot, poses: Array, face: Face, lifted: int)
 
 
 def centre_of_mass_m(robot: TensegrityRobot, poses: Array) -> Array:
-    """(3,) m in the world.
+    """(3,) centre of mass, m, in the world.
 
     Args:
-        robot: whose masses.
-        poses: (B, 4, 4) m.
+        robot: robot with its masses.
+        poses: (B, 4, 4) m, T_world_bar.
     """
     mass = np.array([bar.mass_kg for bar in robot.bars])
     places = [pose[:3, :3] @ bar.centre_of_mass_m + pose[:3, 3] for pose, bar in zip(poses, robot.bars, strict=True)]
@@ -198,7 +198,7 @@ def centre_of_mass_m(robot: TensegrityRobot, poses: Array) -> Array:
 
 
 def _edge_slopes(robot: TensegrityRobot, shape: Shape, face: Face, lifted: int) -> Array:
-    """(C,) slopes of the mass's distance from the edge after the rest lengths."""
+    """(C,) derivative of the mass's distance from the edge by the rest lengths."""
     poses, size = shape.T_world_bar, 6 * len(robot.bars)
     stiffness = np.array([cable.stiffness_n_m for cable in robot.cables]) * (shape.tension_n > 0)
     hessian, of_edge = np.empty((size, size)), np.empty(size)
@@ -208,25 +208,25 @@ def _edge_slopes(robot: TensegrityRobot, shape: Shape, face: Face, lifted: int) 
         edges = (inside_edge_m(robot, each, face, lifted) for each in (ahead, behind))
         of_edge[column] = (next(edges) - next(edges)) / (2 * NUDGE)
     pulls = cable_lengths(robot, poses)[1].T * stiffness
-    # neither the whole robot's place and turn nor a bar's turn about itself changes a cable: they stay as they are
+    # rigid motions of the robot and a bar's rotation about its axis change no cable length: they are left out
     return np.asarray(of_edge @ np.linalg.pinv(hessian, rcond=1e-6) @ pulls)
 
 
 def _pull(robot: TensegrityRobot, poses: Array) -> Array:
-    """(6 B,) gradient of the cables' energy."""
+    """(6 B,) gradient of the cables' energy by the bars' poses."""
     length, jacobian = cable_lengths(robot, poses)
     stretch = length - np.array([cable.rest_m for cable in robot.cables])
     return np.asarray((np.array([cable.stiffness_n_m for cable in robot.cables]) * np.maximum(0.0, stretch)) @ jacobian)
 
 
 def _height_m(robot: TensegrityRobot, poses: Array, face: Face) -> float:
-    """Of the mass over a face."""
+    """Height of the mass over a face, m."""
     centres = endcap_centres(robot, poses)
     return float((centres[face[0]] - centre_of_mass_m(robot, poses)) @ outward(centres, face))
 
 
 def _mechanism(robot: TensegrityRobot) -> bytes:
-    """What the tips of a robot depend on; all masses, or all stiffnesses, may be as many times as large."""
+    """Data on which the tips of a robot depend; a common factor on all masses, or all stiffnesses, does not matter."""
     cables, stiffness = robot.cables, np.array([cable.stiffness_n_m for cable in robot.cables])
     mass = np.array([bar.mass_kg for bar in robot.bars])
     parts = [np.append(cable.points_m.ravel(), cable.rest_m) for cable in cables]

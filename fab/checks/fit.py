@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from cad.mold_layout import MoldLayout
 from cad.part import Part
@@ -102,7 +102,8 @@ def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
 
 def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:
     """Check of the smallest square bed for the part, turned about z, and of its height, against the printer's room."""
-    corners = mesh.convex_hull.vertices[:, :2]
+    plan = np.asarray(mesh.vertices)[:, :2]
+    corners = plan[ConvexHull(plan).vertices]  # the hull of the body in space takes ten times as long
     angles = np.radians(np.arange(0.0, 90.0, 1.0))
     turned = np.stack([np.cos(angles), np.sin(angles)])
     across = corners @ turned

@@ -190,6 +190,13 @@ def test_the_bed_is_the_smallest_square_in_any_turn():
     assert bed_check("box", box(100, 100, 50)).value == pytest.approx(100.0)
     turned = box(300, 10, 10)
     assert bed_check("bar", turned).value == pytest.approx(310 / math.sqrt(2), rel=1e-6)  # diagonal: a 300 bar fits
+    ball = trimesh.creation.icosphere(3, 20.0)
+    angles = np.radians(np.arange(90.0))
+    sides = [
+        np.ptp(ball.vertices[:, :2] @ [[c, -s], [s, c]], axis=0).max()
+        for c, s in zip(*(f(angles) for f in (np.cos, np.sin)), strict=True)
+    ]
+    assert bed_check("ball", ball).value == pytest.approx(max(min(sides), 40.0), rel=1e-12)
     assert not bed_check("bar", box(400, 10, 10)).ok
     assert not bed_check("tower", box(10, 10, 257)).ok
 

@@ -85,11 +85,12 @@ def within(solid: np.ndarray, radius: float) -> np.ndarray:
         nearest = square.copy()
         for shift in range(1, reach + 1):
             step = np.uint8(shift**2)
+            moved = np.minimum(square, far - step)
+            moved += step
             for sign in (1, -1):
                 to, source = [slice(None)] * 3, [slice(None)] * 3
                 to[axis], source[axis] = (slice(shift, None), slice(None, -shift))[::sign]
-                moved = np.minimum(square[tuple(source)], far - step) + step
-                np.minimum(nearest[tuple(to)], moved, out=nearest[tuple(to)])
+                np.minimum(nearest[tuple(to)], moved[tuple(source)], out=nearest[tuple(to)])
         square = nearest
     return square < radius**2
 

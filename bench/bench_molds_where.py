@@ -33,7 +33,8 @@ PIECES = {
     "sweeps of other steps, screws on their way": ("fab/checks/gates.py", "mold_gates"),
     "pictures": ("fab/exports/writer.py", "write_pictures"),
     "cup, base, hardware: solids and meshes": ("fab/packed.py", "packed_group"),
-    "core, shell, interface: solids": ("fab/design.py", "build_core_solids"),
+    "core, shell: solids": ("fab/design.py", "build_core_solids"),
+    "interface: solid": ("cad/interface.py", "build_interface"),
     "core, shell, hanger: meshes": ("fab/design.py", "build_design"),
     "interface with its gyroid: mesh": ("fab/kept.py", "kept_interface_mesh"),
     "gyroid's imprint in the shell": ("fab/design.py", "imprinted"),
@@ -53,7 +54,8 @@ PIECES = {
 INSIDE = {  # of these the rest counts, once those that run inside of them are taken off
     "core, shell, hanger: meshes": (
         "cup, base, hardware: solids and meshes",
-        "core, shell, interface: solids",
+        "core, shell: solids",
+        "interface: solid",
         "interface with its gyroid: mesh",
         "gyroid's imprint in the shell",
     ),

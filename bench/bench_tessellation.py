@@ -13,6 +13,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+from cad.interface import build_interface
 from cad.mold_cup import cup_parts
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
@@ -28,7 +29,7 @@ STL_BYTES_A_FACE = 50
 def main() -> None:
     """Measure, write, plot."""
     layout = MoldLayout(EndcapParams(130, 8))
-    parts = [*cup_parts(layout), *build_core_solids(layout, lambda _: None)]
+    parts = [*cup_parts(layout), *build_core_solids(layout, lambda _: None), build_interface(layout.params)]
     parts += [packed.unpacked()[0] for packed in packed_group("hardware", layout, None)]
     solids = {part.name: part.solid for part in parts if part.role != "bought"}
     rows = []

@@ -22,7 +22,7 @@ from cad.shell import shell_part
 from fab.cache import Cache
 from fab.kept import kept_interface_mesh
 from fab.meshing.gyroid import InterfaceMesh, joint_band_mm, volume_above
-from fab.meshing.mesh import from_manifold, part_tolerance_mm, to_manifold
+from fab.meshing.mesh import from_manifold, part_tolerance_mm, tessellate, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
 from fab.packed import packed_group
@@ -66,11 +66,10 @@ class Design:
 
 def build_core_solids(layout: MoldLayout, progress: Progress) -> list[Part]:
     """Build the core, and what shares its body or is soon made."""
-    progress("core")
     core = core_body(layout)
     parts = [*core_parts(layout, core), hanger_part(layout)]
     progress("shell, interface")
-    return [*parts, shell_part(layout, core), build_interface(layout.params)]
+    return [*parts, shell_part(layout, core)]
 
 
 def build_design(
@@ -89,10 +88,13 @@ def build_design(
         cache: where what does not change with the clearance is kept from run to run.
         robot: pattern of ``cad/robot_sides.csv``.
     """
-    pending = workers.submit(kept_interface_mesh, layout.params, cache)  # first: the imprint waits for it
     cup = workers.submit(packed_group, "cup", layout, cache, robot)
     hardware = workers.submit(packed_group, "hardware", layout, cache, robot)
-    parts = build_core_solids(layout, progress)
+    progress("core")
+    interface = build_interface(layout.params)  # first: the gyroid's mesh waits for the flange, the imprint for that
+    flange = tessellate(interface.solid)  # not of a copy, which the kernel triangulates otherwise
+    pending = workers.submit(kept_interface_mesh, layout.params, cache, flange)
+    parts = [*build_core_solids(layout, progress), interface]
     progress("meshes")
     maker, meshes = PartMeshes(part_tolerance_mm(layout.params.diameter_mm)), {}
     core, shell = parts[0], next(part for part in parts if part.name == "shell")

@@ -26,22 +26,25 @@ MESH_FILE = "mesh.npz"
 SAME_AT_EVERY_CLEARANCE = ("interface", "base", "ring_spacer", "arm_adapter")
 
 
-def kept_interface_mesh(params: EndcapParams, cache: Cache | None) -> InterfaceMesh:
+def kept_interface_mesh(
+    params: EndcapParams, cache: Cache | None, flange: trimesh.Trimesh | None = None
+) -> InterfaceMesh:
     """Mesh of the interface, from the cache or made and stored there.
 
     Args:
         params: the design.
         cache: that may hold it; ``None`` makes it again.
+        flange: mesh of its flange, if that is made already.
     """
     if cache is None:
-        return interface_mesh(params)
+        return interface_mesh(params, flange=flange)
     key = cache.key("interface mesh", {"design": params.digest})
     if (entry := cache.read(key)) is not None:
         files, values = entry
         with np.load(BytesIO(files[MESH_FILE]), allow_pickle=False) as data:
             vertices, faces = data["vertices"].astype(np.float64), data["faces"].astype(np.int64)
         return InterfaceMesh(trimesh.Trimesh(vertices, faces, process=False, validate=False), **values)
-    made = interface_mesh(params)
+    made = interface_mesh(params, flange=flange)
     vertices, faces = np.asarray(made.mesh.vertices), np.asarray(made.mesh.faces)
     numbers = {name: value for name, value in vars(made).items() if name != "mesh"}
     arrays = BytesIO()  # not a temporary folder: that may be full, and a killed worker would leave it behind

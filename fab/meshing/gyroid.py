@@ -69,18 +69,21 @@ class InterfaceMesh:
     zone_volume_mm3: float
 
 
-def interface_mesh(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:
+def interface_mesh(
+    params: EndcapParams, step_mm: float = STEP_MM, flange: trimesh.Trimesh | None = None
+) -> InterfaceMesh:
     """Mesh of the whole TPU interface, with the period tuned to the design's volume fraction of TPU.
 
     Args:
         params: design of the endcap.
         step_mm: grid step at 10 % TPU, mm.
+        flange: mesh of :func:`cad.interface.build_flange`, if that is made already.
 
     Raises:
         GeometryError: no tried period gives the density, or the mesh is not closed.
     """
     step_mm *= min(1.0, RELEASED_GYROID / params.gyroid)  # the wall's spread grows with step over period
-    return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)))
+    return with_flange(gyroid_sheet(params, step_mm), tessellate(build_flange(params)) if flange is None else flange)
 
 
 def gyroid_sheet(params: EndcapParams, step_mm: float = STEP_MM) -> InterfaceMesh:

@@ -29,15 +29,15 @@ def test_an_interface_comes_back_to_the_bit(cache, monkeypatch, tmp_path):
     made = InterfaceMesh(trimesh.Trimesh(vertices, ball.faces, process=False), 13.9, 0.45, 0.1 + 1e-17, 0.01 / 3, 5e4)
     calls = []
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "full"))  # nothing can be written there
-    monkeypatch.setattr(kept, "interface_mesh", lambda params: calls.append(params) or made)
+    monkeypatch.setattr(kept, "interface_mesh", lambda params, flange: calls.append(flange) or made)
     for _ in range(2):
-        again = kept_interface_mesh(EndcapParams(130, 8), cache)
+        again = kept_interface_mesh(EndcapParams(130, 8), cache, ball)
         assert np.array_equal(again.mesh.vertices, vertices) and np.array_equal(again.mesh.faces, ball.faces)
         assert again.mesh.vertices.dtype == np.float64
         assert {k: v for k, v in vars(again).items() if k != "mesh"} == {
             k: v for k, v in vars(made).items() if k != "mesh"
         }
-    assert len(calls) == 1
+    assert len(calls) == 1 and calls[0] is ball
     kept_interface_mesh(EndcapParams(130, 8.5), cache)
     kept_interface_mesh(EndcapParams(130, 8), None)
     assert len(calls) == 3

@@ -13,7 +13,7 @@ import trimesh
 from skimage.measure import marching_cubes
 
 from cad import interface
-from cad.interface import zone_radii_mm, zone_volume_mm3
+from cad.interface import build_flange, zone_radii_mm, zone_volume_mm3
 from cad.params import EndcapParams
 from fab.checks import gyroid as gyroid_checks
 from fab.checks.check import Check
@@ -21,7 +21,7 @@ from fab.checks.nuts import nut_checks
 from fab.meshing import cast_space, gyroid
 from fab.meshing.gyroid import InterfaceMesh, gyroid_distance_mm, interface_mesh, volume_above
 from fab.meshing.gyroid_sheet import sheet_mesh
-from fab.meshing.mesh import from_manifold, read_stl, to_manifold, write_stl
+from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, write_stl
 from fab.meshing.self_intersections import self_intersections
 from fab.meshing.zone_grid import zone_grid
 
@@ -124,7 +124,7 @@ def test_interface_is_ten_per_cent_dense_and_repeats_byte_for_byte(built: Interf
     assert built.wall_mm == pytest.approx(gyroid.WALL_MM, rel=0.01)
     cut = to_manifold(built.mesh).trim_by_plane([0, 0, 1], 6.0).volume()
     assert cut / built.zone_volume_mm3 == pytest.approx(built.density, rel=1e-4)
-    again = interface_mesh(PARAMS)
+    again = interface_mesh(PARAMS, flange=tessellate(build_flange(PARAMS)))
     assert again.mesh.vertices.tobytes() == built.mesh.vertices.tobytes()
     assert again.mesh.faces.tobytes() == built.mesh.faces.tobytes()
 

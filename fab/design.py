@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 
 import trimesh
 
@@ -57,6 +58,11 @@ class Design:
     def params(self) -> EndcapParams:
         """The two numbers."""
         return self.layout.params
+
+    @cached_property
+    def solid_mm3(self) -> dict[str, float]:
+        """Volume of each part's solid, by name: asked for by checks and manifest, integrated once."""
+        return {name: float(part.solid.volume) for name, part in self.parts.items()}
 
     @property
     def mold(self) -> dict[str, trimesh.Trimesh]:
@@ -128,7 +134,7 @@ def imprinted(plain: trimesh.Trimesh, gyroid: trimesh.Trimesh, band_mm: tuple[fl
 
 def mesh_volume_mm3(design: Design, name: str) -> float:
     """Volume that a part's mesh should have, from its solid; for the shell, less the gyroid that it flows round."""
-    volume = float(design.parts[name].solid.volume)
+    volume = design.solid_mm3[name]
     if name == "shell":
         volume -= volume_above(design.meshes["interface"], design.params.flange_thickness_mm)
     return volume

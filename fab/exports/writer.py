@@ -172,7 +172,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
                 "role": part.role,
                 "material": part.material,
                 "quantity": part.quantity,
-                "volume_mm3": {"solid": _figures(part.solid.volume), "mesh": _figures(volume_mm3(mesh))},
+                "volume_mm3": {"solid": _figures(design.solid_mm3[name]), "mesh": _figures(volume_mm3(mesh))},
                 "bounding_box_mm": [[_figures(v) for v in corner] for corner in mesh.bounds],
                 "triangles": len(mesh.faces),
                 "watertight": bool(

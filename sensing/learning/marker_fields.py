@@ -44,9 +44,9 @@ class Scatter:
         paint_px: error of a painted dot's place, px.
         unseen: part of the dots that are not found.
         still_px, moving_px, share: tracking error of one axis, px: of a dot at rest; of one that has moved (its share
-            at a displacement: :func:`sensing.wrench.dot_noise.moved_part`); and as part of its displacement. Compression
-            and sampling cause equal errors in every picture of a dot at rest, which cancel; a dot that has moved by a
-            third of a pixel lies on other pixels (M: bench/tracker_noise.py).
+            at a displacement: :func:`sensing.wrench.dot_noise.moved_part`); and as part of its displacement.
+            Compression and sampling cause equal errors in every picture of a dot at rest, which cancel; a dot that has
+            moved by a third of a pixel lies on other pixels (M: bench/tracker_noise.py).
     """
 
     camera: float = 1.0

@@ -1,12 +1,12 @@
-"""What a bond test says: strongest pull, mean peel force, groups with intervals, comparisons. Newtons, millimetres.
+"""Results of bond tests: largest force, mean peel force, statistics of groups, comparisons. Newtons, millimetres.
 
 Peel after ASTM D1876: the mean load over the first 127 mm of bond line after the initial peak. In a T-peel both arms
-run off, so 127 mm of bond are 254 mm of crosshead travel (stretch of the arms left out). The mean is an integral over
-travel, so the sampling rate has no say. The paper's specimens have 200 mm of bond.
+are peeled off, so 127 mm of bond are 254 mm of crosshead travel (stretch of the arms neglected). The mean is an
+integral over travel, so it does not depend on the sampling rate. The paper's specimens have 200 mm of bond.
 
 Statistics: t intervals of means; Welch's test for means (Biometrika 34 (1947) 28, doi:10.1093/biomet/34.1-2.28), which
-needs no equal spread; Brown and Forsythe's for spread (doi:10.1080/01621459.1974.10482955); Mann and Whitney's for
-ranks. More than two groups are compared pair by pair, p values after Holm.
+does not assume equal spread; Brown and Forsythe's for spread (doi:10.1080/01621459.1974.10482955); Mann and Whitney's
+for ranks. More than two groups are compared pair by pair, p values after Holm.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from fab.bond_tests.files import Record
 KINDS = ("tensile", "peel")
 BOND_MM = 127.0  # S: ASTM D1876, 5 inches of bond line after the initial peak
 TRAVEL_RATIO = 2.0  # crosshead travel for each millimetre of bond
-PEAK_DROP = 0.10  # the initial peak is over when the load is this share below it
-PEAK_SHARE = 0.30  # and was at least this share of the largest load: no stick of the grips
-TORN_SHARE = 0.10  # below this share of the plateau the specimen has come apart
+PEAK_DROP = 0.10  # the initial peak ends where the load is this share below it
+PEAK_SHARE = 0.30  # least initial peak, as a share of the largest load: excludes slip of the grips
+TORN_SHARE = 0.10  # below this share of the plateau the specimen has separated
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """One result.
+    """Result of one specimen.
 
     Attributes:
         name: file name.
         kind: ``tensile`` or ``peel``.
         group: bonding method.
-        force_n: largest load (tensile) or mean peel load (peel).
-        peak_n: largest load.
+        force_n: largest load (tensile) or mean peel load (peel), N.
+        peak_n: largest load, N.
         failure: as marked, or an empty string.
-        bond_mm: bond line that the mean covers (peel), else 0.
+        bond_mm: length of bond over which the mean is taken (peel), mm; 0 for tensile.
         complete: whether the whole 127 mm were peeled (peel); always true for tensile.
     """
 
@@ -58,7 +58,7 @@ class Specimen:
 
 @dataclass(frozen=True)
 class Group:
-    """One bonding method: forces in N, ``low_n`` and ``high_n`` 95 % interval of the mean (NaN for one specimen)."""
+    """Statistics of one bonding method: forces in N; ``low_n`` to ``high_n`` is the mean's 95 % interval, or NaN."""
 
     kind: str
     group: str
@@ -75,12 +75,13 @@ class Group:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two methods: first over second.
+    """Comparison of two methods.
 
     Attributes:
-        kind, first, second: what is compared.
+        kind: ``tensile`` or ``peel``.
+        first, second: the methods.
         ratio: mean of the first over mean of the second.
-        difference_n, low_n, high_n: difference of means with its 95 % interval (Welch).
+        difference_n, low_n, high_n: difference of means, first less second, with its 95 % interval (Welch), N.
         p_mean: Welch's test; ``p_mean_holm`` the same for several comparisons.
         p_rank: Mann and Whitney's.
         p_spread: Brown and Forsythe's.
@@ -103,7 +104,9 @@ def evaluate(record: Record, kind: str, group: str) -> Specimen:
     """Result of one specimen.
 
     Args:
-        record: load (N) of one test. kind: ``tensile`` or ``peel``. group: bonding method.
+        record: of one test.
+        kind: ``tensile`` or ``peel``.
+        group: bonding method.
 
     Raises:
         FileError: a peel record without an initial peak.
@@ -116,10 +119,13 @@ def evaluate(record: Record, kind: str, group: str) -> Specimen:
 
 
 def mean_peel(record: Record) -> tuple[float, float]:
-    """Mean peel load (N) after the initial peak, and the bond line (mm) that it covers.
+    """Mean peel load (N) after the initial peak, and the length of bond (mm) over which it is taken.
+
+    Args:
+        record: of one peel test.
 
     Raises:
-        FileError: the load never falls: nothing was peeled.
+        FileError: the load never falls, so nothing was peeled.
     """
     travel, load = record.displacement_mm, record.load_n
     start = initial_peak(load)
@@ -138,7 +144,11 @@ def mean_peel(record: Record) -> tuple[float, float]:
 
 
 def initial_peak(load: np.ndarray) -> int | None:
-    """Row of the first maximum from which the load falls by a tenth; None where it never does."""
+    """Row of the first maximum from which the load falls by a tenth; None where it never does.
+
+    Args:
+        load: (n,), N.
+    """
     highest = np.maximum.accumulate(load)
     fallen = (load < (1 - PEAK_DROP) * highest) & (highest >= PEAK_SHARE * load.max())
     if not fallen.any():
@@ -147,13 +157,22 @@ def initial_peak(load: np.ndarray) -> int | None:
 
 
 def last_held(load: np.ndarray, start: int) -> int:
-    """Last row after the initial peak at which the specimen still carries load."""
+    """Last row after the initial peak at which the specimen still carries load.
+
+    Args:
+        load: (n,), N.
+        start: row of the initial peak.
+    """
     plateau = float(np.median(load[start:][load[start:] > TORN_SHARE * load[start]]))
     return start + int(np.flatnonzero(load[start:] > TORN_SHARE * plateau)[-1])
 
 
 def summarize(specimens: Sequence[Specimen]) -> list[Group]:
-    """Statistics of every kind and group, in the order they come."""
+    """Statistics of each kind and group, in order of first occurrence.
+
+    Args:
+        specimens: of all groups.
+    """
     groups = []
     for kind, name in dict.fromkeys((s.kind, s.group) for s in specimens):
         members = [s for s in specimens if (s.kind, s.group) == (kind, name)]
@@ -180,7 +199,11 @@ def summarize(specimens: Sequence[Specimen]) -> list[Group]:
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float]:
-    """Two-sided t interval of a mean; NaN for fewer than two values."""
+    """Two-sided 95 % t interval of a mean; NaN for fewer than two values.
+
+    Args:
+        values: (n,).
+    """
     if len(values) < 2:
         return math.nan, math.nan
     half = stats.t.ppf((1 + CONFIDENCE) / 2, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
@@ -188,7 +211,11 @@ def mean_interval(values: np.ndarray) -> tuple[float, float]:
 
 
 def compare(specimens: Sequence[Specimen]) -> list[Comparison]:
-    """Every pair of groups of one kind that have two specimens or more each."""
+    """Compare each pair of groups of one kind with at least two specimens each.
+
+    Args:
+        specimens: of all groups.
+    """
     found = []
     for kind in dict.fromkeys(s.kind for s in specimens):
         forces: Mapping[str, np.ndarray] = {
@@ -219,7 +246,11 @@ def compare(specimens: Sequence[Specimen]) -> list[Comparison]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p values for several tests at once (Holm, Scand. J. Statist. 6 (1979) 65)."""
+    """p values adjusted for several tests (Holm, Scand. J. Statist. 6 (1979) 65).
+
+    Args:
+        p_values: of the single tests.
+    """
     order = np.argsort(p_values)
     adjusted, highest = [0.0] * len(p_values), 0.0
     for rank, k in enumerate(order):

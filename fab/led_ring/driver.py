@@ -214,7 +214,7 @@ def choose_driver(led_count: int = LED_COUNT, led_a: float = 0.020) -> Driver:
     The inductor is the largest of the recommended range: a smaller one has more ripple, and once its current stops the
     converter gives less current, draws a rougher one from the plug and loses more (data sheet, 9.1.2). With the nominal
     values, to which the data sheet's equations belong, the current must not stop; where supply, frequency, inductance
-    or LEDs spread it may (:func:`fab.led_ring.budget.conduction_report` says where), and every limit is checked there.
+    or LEDs spread it may (where: :func:`fab.led_ring.budget.conduction_report`), and every limit is checked there.
 
     Args:
         led_count: LEDs in the string.

@@ -1,6 +1,6 @@
-"""The rectangle of a bed on which nothing may be printed: how near a part or a line comes to it. Millimetres.
+"""Excluded rectangle of a bed: its distance from a part, and how far lines extend into it. Millimetres.
 
-The X1 Carbon cuts filament there. A rectangle is (low x, low y, high x, high y), counted from the bed's corner.
+The X1 Carbon cuts filament there. A rectangle is (low x, low y, high x, high y) from the corner of the bed.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ Rectangle = tuple[float, float, float, float]
 
 
 def read_rectangle(text: str) -> Rectangle | None:
-    """``0|0|18|28`` of a table; ``None`` for an empty cell.
+    """Read a rectangle from a cell such as ``0|0|18|28``; ``None`` for an empty one.
+
+    Args:
+        text: of the cell.
 
     Raises:
-        ValueError: four numbers are not there, or it has no area.
+        ValueError: the cell does not have four numbers, or the rectangle has no area.
     """
     if not text:
         return None
@@ -30,20 +33,20 @@ def read_rectangle(text: str) -> Rectangle | None:
 
 
 def corners(rectangle: Rectangle) -> tuple[tuple[float, float], ...]:
-    """Its corners, counter-clockwise from the lowest."""
+    """Corners of a rectangle, counter-clockwise from the lowest."""
     low_x, low_y, high_x, high_y = rectangle
     return (low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y)
 
 
 def outline(points: np.ndarray) -> np.ndarray:
-    """Corners (m, 2) of the convex outline of points (n, 2), counter-clockwise: it turns with them."""
-    from scipy.spatial import ConvexHull  # the table of printers is read before any command listens to Ctrl-C
+    """Corners (m, 2) of the convex hull of points (n, 2), counter-clockwise."""
+    from scipy.spatial import ConvexHull  # the table of printers is read before any command handles Ctrl-C
 
     return np.asarray(points[ConvexHull(points).vertices])
 
 
 def gap_mm(hull: np.ndarray, rectangle: Rectangle) -> float:
-    """Width of the widest straight strip between a convex outline and a rectangle; negative where they overlap.
+    """Width of the widest straight strip between a convex hull and a rectangle; negative where they overlap.
 
     Args:
         hull: (m, 2) its corners, counter-clockwise.
@@ -58,10 +61,11 @@ def gap_mm(hull: np.ndarray, rectangle: Rectangle) -> float:
 
 
 def reach_mm(start: np.ndarray, end: np.ndarray, half_width_mm: float, rectangle: Rectangle) -> float:
-    """How far the deepest of straight lines reaches into a rectangle; 0 where none does.
+    """Largest depth to which straight lines extend into a rectangle, mm; 0 where none does.
 
     Args:
-        start, end: (n, 2) of the lines.
+        start: (n, 2) of the lines.
+        end: (n, 2) of the lines.
         half_width_mm: of a line.
         rectangle: of the bed.
     """
@@ -71,7 +75,7 @@ def reach_mm(start: np.ndarray, end: np.ndarray, half_width_mm: float, rectangle
         return 0.0
     at_start, at_end = (np.concatenate([ends - low, high - ends], axis=1) for ends in (start[near], end[near]))
     change, deepest = at_end - at_start, 0.0
-    # The depth is the least of four straight functions along a line: deepest at an end, or where two of them are equal.
+    # The depth is the least of four linear functions along a line: its maximum is at an end, or where two are equal.
     shares = [np.zeros(len(change)), np.ones(len(change))]
     for i, j in itertools.combinations(range(4), 2):
         apart, closing = at_start[:, i] - at_start[:, j], change[:, j] - change[:, i]

@@ -1,4 +1,4 @@
-"""Filaments: rows of ``filaments.csv``, by the material's name that a part carries."""
+"""Filaments: rows of ``filaments.csv``, by the name of a part's material."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Filament:
     """One row of the filament table; prices in US dollars.
 
     Attributes:
-        fan_percent: speed at which the fan that cools the part runs at the least, however long a layer takes; the
-            slicer raises it on layers of less than a minute and on bridges, and leaves it off on the first three.
+        fan_percent: least speed of the fan that cools the part; the slicer raises it on layers of less than a minute
+            and on bridges, and turns it off for the first three layers.
     """
 
     name: str
@@ -43,10 +43,13 @@ def filaments() -> dict[str, Filament]:
 
 
 def filament(name: str) -> Filament:
-    """One filament by the material's name that a part carries.
+    """One filament by the name of a part's material.
+
+    Args:
+        name: of the material.
 
     Raises:
-        ParameterError: unknown name; the message lists those in the table.
+        ParameterError: an unknown name; the message lists those in the table.
     """
     table = filaments()
     if name not in table:

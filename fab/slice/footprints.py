@@ -1,11 +1,11 @@
-"""How large the printed parts of a size are, in closed form, so that a printer's bed is known before anything is made.
+"""Footprints of the printed parts in closed form, by which a printer's bed is checked before anything is made.
 
-Outlines hold what can reach a bed's edge: the five lugs of base and adapter, the base's upper rim, the hanger's plate,
-the interface's widest circle, the bolt flange of a third of the cup with its tab. Core and ring spacer lie within the
-interface's circle. Printing pose of :mod:`fab.slice.pose`, millimetres.
+Outlines contain all that can reach a bed's edge: the five lugs of base and adapter, the base's upper rim, the hanger's
+plate, the interface's widest circle, the bolt flange of a third of the cup with its tab. Core and ring spacer lie
+within the interface's circle. Printing pose of :mod:`fab.slice.pose`, millimetres.
 
-The cup is cut in three and no finer: base, adapter, hanger and interface are one part each and need a larger bed than
-a third of the cup at every size (a test holds it), so finer cuts would let no printer make a larger endcap.
+The cup is divided into three pieces: base, adapter, hanger and interface are one part each and need a larger bed than a
+third of the cup at every size (checked by a test), so smaller pieces would not allow a larger endcap on any printer.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ STEP_DEG = 3.0
 
 
 def footprints(layout: MoldLayout) -> dict[str, np.ndarray]:
-    """Corners (n, 3) of the largest printed parts, by name; one segment stands for its equals."""
+    """Corners (n, 3) of the largest printed parts by name, mm; one segment represents all of its kind.
+
+    Args:
+        layout: mold sizes.
+    """
     params = layout.params
     lugs = np.concatenate([_disc(place, LUG_RADIUS_MM) for place in arm_places_mm(params)])
     flank = math.sqrt(params.base_sphere_radius_mm**2 - params.centre_height_mm**2)
@@ -64,10 +68,12 @@ def require_printer(layout: MoldLayout, where: Printer) -> None:
     """Refuse a size that a printer cannot print, before it is made.
 
     Args:
-        layout: mold sizes. where: the printer.
+        layout: mold sizes.
+        where: the printer.
 
     Raises:
-        ParameterError: the largest D of this printer, and the smallest printer for this D.
+        ParameterError: a part does not fit; the message has the largest D of this printer, and the smallest printer for
+            this D.
     """
     too_large = [name for name, points in footprints(layout).items() if not where.takes(points)]
     if not too_large:
@@ -89,11 +95,11 @@ def require_printer(layout: MoldLayout, where: Printer) -> None:
 
 
 def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
-    """Largest D, to a tenth of a millimetre, whose parts a printer takes; ``None`` where it takes those of no size.
+    """Largest D, to 0.1 mm, whose parts fit a printer; ``None`` if no size fits.
 
     Args:
-        layout: wall, silicone and joints, by which the bowl's wall is more or less high, are kept as far as another D
-            can have them.
+        layout: with wall, silicone and joints, on which the height of the bowl depends; they are kept as far as another
+            D allows.
         where: the printer.
     """
     low, high = feasible.diameter_range_mm()
@@ -112,7 +118,7 @@ def largest_diameter_mm(layout: MoldLayout, where: Printer) -> float | None:
 
 
 def _at(layout: MoldLayout, diameter_mm: float) -> MoldLayout:
-    """The same endcap of another D: with its own wall, dots and joints, or the nearest that this D can have."""
+    """The same endcap with another D: with its wall, dots and joints, or the nearest feasible ones."""
     params = layout.params
     wall = feasible.nearest_wall_mm(diameter_mm, params.wall_mm)
     rings = pattern.fitting_rings(diameter_mm / 2 - wall, params.dot_rings, params.dot_mm)
@@ -122,7 +128,7 @@ def _at(layout: MoldLayout, diameter_mm: float) -> MoldLayout:
 
 
 def _along_with(layout: MoldLayout, diameter_mm: float) -> str:
-    """Options that another D cannot have, as the nearest that it can: `` with T=17.62``; empty for none."""
+    """Options not feasible with another D, with the nearest feasible values: `` with T=17.62``; empty for none."""
     nearest = _at(layout, diameter_mm)
     params, other = layout.params, nearest.params
     words = {
@@ -142,5 +148,5 @@ def _disc(centre: tuple[float, float], radius_mm: float) -> np.ndarray:
 
 
 def _standing(outline: np.ndarray, height_mm: float) -> np.ndarray:
-    """Corners of an outline's prism."""
+    """Corners of a prism over an outline, mm."""
     return np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, height_mm)])

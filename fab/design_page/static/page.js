@@ -1,4 +1,4 @@
-// The page to turn two knobs: every change asks the server for numbers, section and a coarse preview; "Make" runs the command.
+// Page with sliders for D and T: each change requests numbers, section and a coarse preview; "Make" runs the command.
 "use strict";
 const $ = (id) => document.getElementById(id), token = document.querySelector("meta[name=endcap-token]").content;
 const SLIDERS = ["D", "T", "joint_clearance"], LISTS = ["material", "printer", "robot"], WORDS = ["dots", "dot_mm", "gyroid"];
@@ -133,7 +133,7 @@ async function make() {
   const answer = await post("make", { ...Object.fromEntries(query()), whole: $("whole").checked });
   if (!answer.ok) { $("status").textContent = await answer.text(); $("make").disabled = false; say(); }
 }
-async function follow() { // asks, and is answered when something has changed
+async function follow() { // long polling: the reply comes when the state has changed
   let seen = "";
   for (;;) {
     try {

@@ -114,8 +114,10 @@ def bom_checks(
     """Gates: every screw clamps; every part and every screw of the assembly has its line.
 
     Args:
-        manifest: of the export; its ``parts`` are read. joints: screw joints of the assembly.
-        fits: how the screw of each joint fits. lines: the bill of materials.
+        manifest: manifest of the export; its ``parts`` are read.
+        joints: screw joints of the assembly.
+        fits: how the screw of each joint fits.
+        lines: the bill of materials.
     """
     owners = {line.owner for line in lines}
     missing = [part["name"] for part in manifest["parts"] if part["name"] not in owners]

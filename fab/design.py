@@ -127,7 +127,9 @@ def imprinted(plain: trimesh.Trimesh, gyroid: trimesh.Trimesh, band_mm: tuple[fl
     """The shell's mesh with the gyroid's imprint, in another process while the core is meshed.
 
     Args:
-        plain: mesh of the shell. gyroid: mesh of the interface. band_mm: heights between which faces may cross.
+        plain: mesh of the shell.
+        gyroid: mesh of the interface.
+        band_mm: heights between which faces may cross.
     """
     return without_crossings(from_manifold(to_manifold(plain) - to_manifold(gyroid)), band_mm)
 

@@ -29,8 +29,10 @@ class PressRow:
     """One state of the shell beside the file's, under each carried mass.
 
     Attributes:
-        tilt_deg, depth_mm, shell_n: of the shell's state. light_n, heavy_n: of the file, with the two carried masses.
-        error: relative, the larger of the two. held_out: whether the springs were fitted without that tilt.
+        tilt_deg, depth_mm, shell_n: tilt, depth and normal force of the shell's state.
+        light_n, heavy_n: normal force of the file at that depth, with the smaller and the larger carried mass.
+        error: the larger relative error of the two.
+        held_out: whether the springs were fitted without that tilt.
     """
 
     tilt_deg: float
@@ -47,7 +49,9 @@ class Checked:
     """What was measured in MuJoCo.
 
     Attributes:
-        rows: every state. sensor_error_n: largest. creep_mm_s: of the worse carried mass.
+        rows: comparison of every state.
+        sensor_error_n: largest error of the force sensor.
+        creep_mm_s: speed of creep with the worse of the carried masses.
     """
 
     rows: list[PressRow]
@@ -89,7 +93,8 @@ def check_in_mujoco(path: Path, model: RobotModel) -> Checked:
     """Press the file at every tilt of the shell's states, with two carried masses.
 
     Args:
-        path: MJCF of the endcap. model: what it was made of.
+        path: MJCF of the endcap.
+        model: springs, sphere and friction of the file.
 
     Raises:
         FileError: MuJoCo cannot read the file.
@@ -112,7 +117,10 @@ def _rows(
     """Rows of one tilt by rising depth.
 
     Args:
-        ramps: light and heavy. depth_mm, shell_n: (s,) of the shell. tilt_deg: of them. held_out: from the fit.
+        ramps: loadings with the smaller and the larger carried mass.
+        depth_mm, shell_n: (s,) depth and normal force of the shell's states.
+        tilt_deg: tilt of these states.
+        held_out: whether the springs were fitted without them.
     """
     found = np.array([ramp.normal_at(depth_mm) for ramp in ramps])
     error = np.abs(found / shell_n - 1).max(axis=0)

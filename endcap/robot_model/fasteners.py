@@ -31,7 +31,8 @@ def fasteners_inertial(params: EndcapParams, meshes: Mapping[str, trimesh.Trimes
     """All of them together.
 
     Args:
-        params: the design. meshes: closed meshes (mm) of base, adapter, camera and interface, by name.
+        params: the design.
+        meshes: closed meshes (mm) of base, adapter, camera and interface, by name.
     """
     joints = (*base.screw_joints(params), *arm_adapter.screw_joints(params))
     return reduce(add, (one for joint in joints for one in _of_joint(fitted(joint, meshes), params)))
@@ -73,7 +74,9 @@ def tube_inertial(
     """Mass, centre and inertia of an upright tube, in closed form.
 
     Args:
-        place_mm: (x, y) of its axis. inner_mm, outer_mm: diameters. start_mm, end_mm: its ends along z.
+        place_mm: (x, y) of its axis.
+        inner_mm, outer_mm: diameters.
+        start_mm, end_mm: its ends along z.
         density_g_cm3: of its metal.
     """  # fmt: skip
     inner, outer, high = inner_mm / 2000, outer_mm / 2000, abs(end_mm - start_mm) / 1000

@@ -36,7 +36,10 @@ class RobotModelFiles:
     """What the files are made of.
 
     Attributes:
-        variant: the design. model: springs. parts: masses and meshes. errors: of the springs.
+        variant: the design.
+        model: springs.
+        parts: masses and meshes.
+        errors: errors of the springs.
     """
 
     variant: Variant
@@ -108,7 +111,9 @@ def write_robot_model(variant: Variant, friction: float, folder: Path, progress:
     """Write every file, load the MJCF and press it.
 
     Args:
-        variant: the design. friction: Coulomb's mu. folder: empty; receives the files.
+        variant: the design.
+        friction: Coulomb's mu.
+        folder: empty folder for the files.
         progress: called with the name of each step as it begins.
 
     Returns:

@@ -63,7 +63,8 @@ def endcap_parts(variant: Variant, progress: Callable[[str], None]) -> EndcapPar
     """Build or restore all parts of the finished endcap (20 seconds, most of it the gyroid; 10 once it is kept).
 
     Args:
-        variant: the design. progress: called with the name of each step as it begins.
+        variant: the design.
+        progress: called with the name of each step as it begins.
     """
     cache = Cache()
     progress("base, adapter, ring, camera")
@@ -92,7 +93,8 @@ def solid_inertial(mesh: trimesh.Trimesh, density_g_cm3: float) -> Inertial:
     """Mass, centre and inertia of a closed mesh.
 
     Args:
-        mesh: mm. density_g_cm3: of what fills it.
+        mesh: closed surface, mm.
+        density_g_cm3: density of the body.
     """
     found = trimesh.Trimesh(mesh.vertices * M, mesh.faces, process=False, validate=False).mass_properties
     density = density_g_cm3 * 1000

@@ -13,7 +13,10 @@ def endcap_urdf(model: RobotModel, whole: Inertial, meshes: Mapping[str, str], t
     """One link whose frame is the endcap's: origin at the centre of the mating plane, z to the tip.
 
     Args:
-        model: sphere and friction. whole: of the endcap. meshes: files of what is drawn. title: name of the robot.
+        model: sphere and friction.
+        whole: mass and inertia of the endcap.
+        meshes: files of the drawn bodies.
+        title: name of the robot.
     """
     i, centre = whole.inertia_kg_m2, " ".join(f"{value:.7g}" for value in whole.centre_m)
     tensor = " ".join(

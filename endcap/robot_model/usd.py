@@ -24,7 +24,10 @@ def write_usd(path: Path, model: RobotModel, whole: Inertial, drawn: Mapping[str
     """Write one rigid body whose frame is the endcap's.
 
     Args:
-        path: ``.usda``. model: sphere and friction. whole: of the endcap. drawn: meshes, m.
+        path: file to write, ``.usda``.
+        model: sphere and friction.
+        whole: mass and inertia of the endcap.
+        drawn: drawn meshes, m.
     """
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 

@@ -82,9 +82,10 @@ class Comparison:
         first, second: the methods.
         ratio: mean of the first over mean of the second.
         difference_n, low_n, high_n: difference of means, first less second, with its 95 % interval (Welch), N.
-        p_mean: Welch's test; ``p_mean_holm`` the same for several comparisons.
-        p_rank: Mann and Whitney's.
-        p_spread: Brown and Forsythe's.
+        p_mean: of Welch's test of the means.
+        p_mean_holm: the same after Holm's correction for several comparisons.
+        p_rank: of Mann and Whitney's test of ranks.
+        p_spread: of Brown and Forsythe's test of spreads.
     """
 
     kind: str

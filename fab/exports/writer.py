@@ -60,7 +60,8 @@ def write_shape(shape: Shape, path: Path) -> None:
     """Write one shape as STEP; its product has the name of the file, which CAD programs show.
 
     Args:
-        shape: solid or compound, mm. path: of the file, ``<part>.step``.
+        shape: solid or compound, mm.
+        path: file to write, ``<part>.step``.
 
     Raises:
         FileError: the kernel could not write the file.

@@ -17,8 +17,15 @@ class Filament:
     """One row of the filament table; prices in US dollars.
 
     Attributes:
-        fan_percent: least speed of the fan that cools the part; the slicer raises it on layers of less than a minute
-            and on bridges, and turns it off for the first three layers.
+        name: name of the row, as options and manifests give it.
+        type: family that slicers know: PLA, PETG, TPU.
+        density_g_cm3: density.
+        price_usd_kg: price of a kilogram.
+        nozzle_c: temperature of the nozzle, degrees Celsius.
+        bed_c: temperature of the bed, degrees Celsius.
+        max_flow_mm3_s: largest flow of molten filament.
+        fan_percent: speed of the fan that cools the part from the fourth layer on, over bridges too.
+        provenance: letter and source of the row's numbers.
     """
 
     name: str

@@ -23,7 +23,7 @@ from sensing.live.cli import main
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import LiveEndcap
-from sensing.live.core.feed import FileFeed
+from sensing.live.core.feed import Captured, FileFeed
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.open_endcaps import open_feed
 from sensing.live.replay import read_config
@@ -231,7 +231,7 @@ def test_where_the_size_shows_with_the_first_frames_the_state_says_so_and_nothin
 
     def refused_now() -> bool:  # the reference is taken in a thread of its own
         frame = next(given)
-        assert endcap.process((frame, frame.time_s)) is None
+        assert endcap.process(Captured(frame, frame.time_s)) is None
         return endcap.health.status == "waiting for a reference"
 
     wait_for(refused_now)

@@ -153,18 +153,18 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
     Raises:
         FileError: the page cannot be written.
     """
-    skipped, folder = list[str](), wanted.folder
+    skipped: list[str] = []
     for step in wanted.steps():
         status = run(step)
         if status and not (step.optional and status == LEFT_OUT):
-            if folder.is_dir():
-                LOG.error(f"make endcap: {step.title} failed; {folder} holds what was made before")
+            if wanted.folder.is_dir():
+                LOG.error(f"make endcap: {step.title} failed; {wanted.folder} holds what was made before")
             return status
         if status:
             skipped.append(step.title)
-    write_page(wanted, folder, skipped)
+    write_page(wanted, wanted.folder, skipped)
     left_out = f" (left out: {', '.join(skipped)})" if skipped else ""
-    show(f"{folder / PAGE}: everything of {folder.name}{left_out}")
+    show(f"{wanted.folder / PAGE}: everything of {wanted.folder.name}{left_out}")
     return 0
 
 

@@ -65,11 +65,13 @@ def _identify(options: argparse.Namespace) -> None:
     require_even(options.source)
     warm_up(lambda text: LOG.info(text))
     gain, model = Stiffness(endcap.gain, 0.0), configured_models(config, any_silicone=True)(endcap)
-    rows, flagged = [], list[tuple[frozenset[str], str]]()
+    rows = []
+    flagged: list[tuple[frozenset[str], str]] = []
     for reading in film_readings(endcap, options.source, model):
         if reading.valid:
             rows.append([reading.estimate.time_s, *gain.applied(reading.estimate).force_n])
-            flagged += [(reading.estimate.flags, reading.reason)] if reading.estimate.flags else []
+            if reading.estimate.flags:
+                flagged.append((reading.estimate.flags, reading.reason))
     if not rows:
         raise DwellError(f"{options.source}: no reading that counts")
     found = np.array(rows)

@@ -25,8 +25,16 @@ from cad.errors import FileError
 NAMES = {
     "time_s": ("time", "test time", "zeit", "prüfzeit"),
     "displacement_mm": (
-        *("extension", "displacement", "crosshead", "position", "stroke", "travel"),
-        *("weg", "traversenweg", "verschiebung", "verlängerung"),
+        "extension",
+        "displacement",
+        "crosshead",
+        "position",
+        "stroke",
+        "travel",
+        "weg",
+        "traversenweg",
+        "verschiebung",
+        "verlängerung",
     ),
     "load_n": ("load", "force", "kraft", "prüfkraft", "standardkraft"),
 }

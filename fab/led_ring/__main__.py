@@ -92,9 +92,11 @@ def make_ring(
     from fab.led_ring.schematic_check import schematic_checks
 
     places, count = placements(led_count), int(led_count)
-    driver, light = fitted_driver(count), dome_light(params, count)
+    driver = fitted_driver(count)
+    light = dome_light(params, count)
     require_even(light, params, count)
-    copper, final = build_copper(count), exports / folder_name(params, count)
+    copper = build_copper(count)
+    final = exports / folder_name(params, count)
     with whole_folder(final, RECORD, check_interrupt) as folder:
         write_archive(board_files(copper), folder / "led_ring-gerber.zip")
         layers, holes = read_archive(folder / "led_ring-gerber.zip")
@@ -114,11 +116,12 @@ def make_ring(
         draw_board(layers, holes, places, folder / "led_ring.png")
         draw_light(light, f"{_size_words(params)}, {count} LEDs", folder / "led_ring-light.png")
         write_record(folder, RECORD, ring_report(driver, params, checks))
-    show(
-        f"{final}: {count} LEDs, {1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency "
-        f"{driver.efficiency:.0%}, all {len(checks)} checks passed"
-    )
+    show(f"{final}: {count} LEDs, {_supply_words(driver)}, all {len(checks)} checks passed")
     return 0
+
+
+def _supply_words(driver: Driver) -> str:
+    return f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency {driver.efficiency:.0%}"
 
 
 def _size_words(params: EndcapParams) -> str:

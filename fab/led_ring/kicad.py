@@ -21,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from cad.errors import FileError
 from cad.led_placement import Placement, placements
 from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from cad.mold_layout import rotated
 from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
@@ -130,27 +131,13 @@ def _footprint(place: Placement, copper: Copper, nets: dict[str, int]) -> str:
 
 def _pad(pad: Pad, place: Placement, nets: dict[str, int]) -> str:
     letter, centre = SIDES[pad.side], place.centre_mm
-    x, y = turned(pad.centre[0] - centre[0], centre[1] - pad.centre[1], -place.rotation_deg)
+    # KiCad's y points down, so a turn to the left on the screen has a negative angle in its frame
+    x, y = rotated((pad.centre[0] - centre[0], centre[1] - pad.centre[1]), place.rotation_deg)
     return (
         f'  (pad "{pad.pin}" smd rect (at {x:.6f} {y:.6f} {pad.turn_deg % 360.0:.6f}) '
         f'(size {pad.width:g} {pad.height:g}) (layers "{letter}.Cu" "{letter}.Paste" "{letter}.Mask") '
         f'(net {nets[pad.net]} "{pad.net}"))'
     )
-
-
-def turned(x_mm: float, y_mm: float, angle_deg: float) -> tuple[float, float]:
-    """A point rotated about the origin.
-
-    Args:
-        x_mm: in KiCad's frame.
-        y_mm: in KiCad's frame, downward.
-        angle_deg: counter-clockwise as seen on the screen.
-
-    Returns:
-        ``(x, y)`` in mm, in the same frame.
-    """
-    cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
-    return x_mm * cosine + y_mm * sine, y_mm * cosine - x_mm * sine
 
 
 def _plane(plane: BaseGeometry, net: int) -> str:
@@ -235,7 +222,7 @@ def _areas_and_pins(board: Board) -> tuple[dict[str, BaseGeometry], dict[tuple[s
         reference = next(text.text for text in footprint.texts if text.type == "reference")
         for pad in footprint.pads:
             layer = next(name for name in shapes if name in pad.layers)
-            x, y = turned(pad.at.x, pad.at.y, footprint.at.rotation or 0.0)
+            x, y = rotated((pad.at.x, pad.at.y), -(footprint.at.rotation or 0.0))
             place = (footprint.at.x + x - ORIGIN_MM, ORIGIN_MM - footprint.at.y - y)
             turn = pad.at.rotation or 0.0
             land = Pad(reference, pad.number, pad.net.name, "", place, pad.size.x, pad.size.y, turn)

@@ -26,7 +26,6 @@ LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected 
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
-MEAN_WEIGHT = 0.02  # weight of a new value in the fading mean
 
 
 class Filter:
@@ -212,7 +211,7 @@ class Filter:
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
-            state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
+            state.consistency[0] += contacts.MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
         apply(state, change, layout.leader)
 

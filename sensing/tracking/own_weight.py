@@ -68,8 +68,7 @@ class OwnWeight:
 
     def motion(self, tracks: DotTracks) -> Array | None:
         """(n, 2) what own weight moves the known dots by, px of the nominal view; None before a turn is seen."""
-        moved = self._seen.motion(tracks)
-        live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
+        moved, live = self._seen_motion(tracks)
         self.left_px, self.explains = float("nan"), False
         if tracks.enough and np.count_nonzero(live) >= LEAST_DOTS:
             self._look(moved, live)
@@ -77,11 +76,15 @@ class OwnWeight:
 
     def left_of(self, tracks: DotTracks) -> float:
         """Third largest, px, of what own weight leaves of the motions; NaN where too few dots are seen."""
-        moved = self._seen.motion(tracks)
-        live = ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
+        moved, live = self._seen_motion(tracks)
         if np.count_nonzero(live) < LEAST_DOTS:
             return float("nan")
         return float(fitted_change(moved, self._modes, live, self.change_g)[1])
+
+    def _seen_motion(self, tracks: DotTracks) -> tuple[Array, NDArray[np.bool_]]:
+        """(n, 2) motion of the known dots in the nominal view, px, and (n,) which of them are seen."""
+        moved = self._seen.motion(tracks)
+        return moved, ~tracks.lost[self._seen.known] & np.isfinite(moved).all(axis=1)
 
     def _look(self, moved: Array, live: NDArray[np.bool_]) -> None:
         """Sets the change anew where the motions (n, 2) of the live dots show one."""

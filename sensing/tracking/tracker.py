@@ -127,7 +127,7 @@ class DotTracker:
         """The search for dots that have jumped; built on first use."""
         return WideSearch(self._rest, self.dots.position_px, self._half, self.operator)
 
-    @cached_property
+    @property
     def variance_per_loss(self) -> NDArray[np.float64]:
         """(N,) variance of one axis of a dot's position, full-size px^2, per loss of quality due to noise."""
         return self._patches.variance_per_loss * self.reduction**2

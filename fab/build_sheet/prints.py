@@ -161,15 +161,17 @@ def _preset(printer: Mapping[str, Any]) -> str:
     named = [f"the .{key}.3mf files name the preset {name}" for key in slicers if (name := printer[f"{key}_printer"])]
     if not named:
         return (
-            "Choose your printer's own preset for start, levelling and end; the projects carry plain ones (G28, G29)."
+            "Choose your printer's own preset for start, levelling and end; the projects carry plain ones (G28, G29, "
+            "a line that fills the nozzle)."
         )
     without = [
         f"{slicer} has none of this printer. " for key, slicer in slicers.items() if not printer[f"{key}_printer"]
     ]
     words = ", ".join(named)
     return (
-        f"{words[0].upper()}{words[1:]}. {''.join(without)}The start in the files homes, levels and heats; your "
-        "printer's own preset does more (purge line): choose it where the slicer asks."
+        f"{words[0].upper()}{words[1:]}. {''.join(without)}The start in the files homes, levels, heats, "
+        "and fills the nozzle with a line along the bed's left edge; your printer's own preset may do more (flow, "
+        "resonance): choose it where the slicer asks."
     )
 
 

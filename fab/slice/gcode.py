@@ -37,7 +37,7 @@ class Moves:
         height_mm: (n,) height of the line.
         width_mm: (n,) width of the line.
         volume_mm3: (n,) extruded volume.
-        layer: (n,) number of the layer, from 0.
+        layer: (n,) number of the layer, from 0; -1 for moves of the start, before all layers.
         path: (n,) number of the unbroken line that the move belongs to.
         kind: (n,) index into ``kinds``.
         kinds: the slicer's names, for example ``External perimeter``.
@@ -80,6 +80,11 @@ class Moves:
         """(n,) whether a move belongs to a part, and not to brim or support."""
         other = [index for index, name in enumerate(self.kinds) if name in NOT_PART]
         return ~np.isin(self.kind, other)
+
+    @property
+    def printed(self) -> Moves:
+        """The moves of all layers, without what fills the nozzle before the first."""
+        return self.pick(self.layer >= 0)
 
     def pick(self, mask: np.ndarray) -> Moves:
         """Some of the moves.

@@ -80,14 +80,15 @@ def print_figures(moves: Moves, filament: Filament, where: Printer | None = None
         where: the printer; by default any with a 256 mm bed.
     """
     where = where or printer()
-    grams = float(moves.volume_mm3.sum()) * filament.density_g_cm3 / 1000
-    ends = np.concatenate([moves.start, moves.end])
-    half = float(moves.width_mm.max()) / 2
+    printed = moves.printed  # the 0.02 g that fill the nozzle before are none of the slicer's grams
+    grams = float(printed.volume_mm3.sum()) * filament.density_g_cm3 / 1000
+    ends = np.concatenate([printed.start, printed.end])
+    half = float(printed.width_mm.max()) / 2
     low, high = ends.min(axis=0) - half, ends.max(axis=0) + half
     over = high - (where.width_mm, where.depth_mm)
-    outside = max(0.0, float(-low.min()), float(over.max()), float(moves.top_mm.max()) - where.height_mm)
+    outside = max(0.0, float(-low.min()), float(over.max()), float(printed.top_mm.max()) - where.height_mm)
     if where.exclude_mm is not None:
-        outside = max(outside, reach_mm(moves.start, moves.end, half, where.exclude_mm))
+        outside = max(outside, reach_mm(printed.start, printed.end, half, where.exclude_mm))
     size = high - low
     return PrintFigures(
         time_s=moves.slicer_time_s,
@@ -96,7 +97,7 @@ def print_figures(moves: Moves, filament: Filament, where: Printer | None = None
         layers=len(moves.layer_tops_mm),
         empty_layers=empty_layers(moves),
         floating_starts=len(floating_starts(moves)),
-        extent_mm=(float(size[0]), float(size[1]), float(moves.top_mm.max())),
+        extent_mm=(float(size[0]), float(size[1]), float(printed.top_mm.max())),
         outside_bed_mm=outside,
         grams_error=abs(grams / moves.slicer_grams - 1),
     )

@@ -73,14 +73,6 @@ def test_a_bad_row_is_named_by_its_line(table, read, row, expected, tmp_path):
     assert expected in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_every_printer_homes_then_levels_then_heats_and_cools_down_at_the_end():
-    for name, each in printers.printers().items():
-        start = each.start_gcode(215, 60).split("\\n")
-        assert start.index("G28") < start.index(each.levelling[0]) < start.index("M109 S215"), name
-        assert any(line.startswith("G29") for line in each.levelling)
-        assert {"M104 S0", "M140 S0"} <= set(each.end)
-
-
 def test_a_bed_that_is_too_small_names_the_part_and_the_smallest_printer_that_takes_all():
     parts = {"base": box(185, 20, 5).vertices, "hanger": box(200, 208 - 8, 5).vertices}
     with pytest.raises(

@@ -245,7 +245,7 @@ def test_a_project_is_sliced_as_it_lies_and_its_grams_are_the_slicers(tmp_path):
     result = slice_project(SLICER, project, tmp_path, SMALL, keep_gcode=True)
     assert all(check.ok for check in result.checks)
     assert set(result.files) == {"ring_spacer.prusa.3mf", "ring_spacer.orca.3mf"}
-    moves = read_gcode(tmp_path / "ring_spacer.gcode")
+    moves = read_gcode(tmp_path / "ring_spacer.gcode").printed
     middle = (moves.start.min(axis=0) + moves.end.max(axis=0)) / 2
     assert np.allclose(middle, 128.0, atol=0.3)
     solid = 30 * 20 * 3 / 1000 * settings.filament.density_g_cm3

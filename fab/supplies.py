@@ -144,7 +144,7 @@ def spool_usd(item: str) -> float | None:
     Args:
         item: name of a row, such as ``PLA filament``.
     """
-    plastic = next((name for name in SPOOL_G if item == _filament_item(name)), None)
+    plastic = next((name for name in SPOOL_G if item == filament_item(name)), None)
     return None if plastic is None else SPOOL_G[plastic] / 1000 * filament(plastic).price_usd_kg
 
 
@@ -170,7 +170,7 @@ def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float], is_estimat
         grams: of each plastic; the line of a plastic that is missing keeps the amount of the table.
         is_estimate: whether the grams are estimated, and not sliced; then the lines name them with their range.
     """
-    plastics = {_filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
+    plastics = {filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
     counted = []
     for line in lines:
         if plastic := plastics.get(line.item):
@@ -245,8 +245,12 @@ def kit_count(grams: float, kit_g: float) -> int:
     return math.ceil(STAYS_IN_BOTTLES * grams / kit_g)
 
 
-def _filament_item(plastic: str) -> str:
-    """Name of the row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A."""
+def filament_item(plastic: str) -> str:
+    """Name of the row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A.
+
+    Args:
+        plastic: name, such as ``TPU 95A``.
+    """
     return f"{plastic.split()[0]} filament"
 
 

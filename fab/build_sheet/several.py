@@ -15,13 +15,13 @@ from typing import Any
 from cad.dots import dot_pattern
 from cad.fasteners import BomLine
 from cad.plain_numbers import plain
-from fab.bom import RING_BATCH, screw_name
+from fab.bom import RING_BATCH, SCREW_USD, screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.prints import one_interface, printing_s
 from fab.slice.result import hours, is_mold
-from fab.supplies import bag_size, kit_count, spool_count, supplies
+from fab.supplies import SPOOL_G, bag_size, filament_item, kit_count, spool_count, spool_usd, supplies
 
 COUNTS = (6, 10)  # endcaps: of a robot with three bars, and a round number
 BAG = re.compile(r", bag of \d+$")
@@ -39,6 +39,7 @@ class Need:
         mold: for the mold, once, in ``unit``.
         unit: of both; empty for pieces.
         packs: kind of pack: ``bag``, ``spool``, ``kit``, ``batch``; empty for single pieces.
+        usd: price of a piece, a spool or a kit; ``None`` where it is unknown.
     """
 
     what: str
@@ -46,10 +47,22 @@ class Need:
     mold: float = 0.0
     unit: str = ""
     packs: str = ""
+    usd: float | None = None
 
     def total(self, count: int) -> float:
         """Amount for so many endcaps and one mold."""
         return self.mold + count * self.each
+
+    def bought(self, count: int) -> int:
+        """Number of pieces, spools or kits to buy for so many endcaps and one mold: whole packs."""
+        total = self.total(count)
+        if self.packs == "spool":
+            return spool_count(self.what, total)
+        if self.packs == "kit":
+            kit = supplies().get(self.what)
+            return kit_count(total, kit.amount) if kit else 0
+        pieces = math.ceil(total)
+        return {"bag": bag_size(pieces), "batch": max(RING_BATCH, pieces)}.get(self.packs, pieces)
 
 
 def time_and_number(data: SheetData) -> list[Block]:
@@ -117,13 +130,14 @@ def _needs_blocks(data: SheetData) -> list[Block]:
     header = ("what", "each endcap", "the mold", *(f"for {count} endcaps" for count in COUNTS))
     rows = tuple(
         (need.what, _amount(need.each, need.unit), _amount(need.mold, need.unit),
-         *(_total_words(data, need, count) for count in COUNTS))
+         *(_total_words(need, count) for count in COUNTS))
         for need in needs
     )  # fmt: skip
+    sums = ("to pay, without tools", "", "", *(f"about {paid_usd(data, count):.0f} USD" for count in COUNTS))
     slicing = make_command("slice", data)
     without = "" if data.sliced else f" Plastic is missing here until the parts are sliced: {slicing}."
     return [
-        Table(header, rows, (2.6, 1.1, 1, 1.8, 1.8), is_small=True),
+        Table(header, (*rows, sums), (2.6, 1.1, 1, 1.8, 1.8), is_small=True),
         Paragraph(
             "What is not in this table is bought once, and serves all of them; look how much is left in the can of "
             f"release agent, in the alcohol and in the gloves.{without}"
@@ -138,7 +152,9 @@ def needed(data: SheetData) -> list[Need]:
         data: of the sheet.
     """
     plastics = _plastics(data.sliced) if data.sliced else []
-    silicone = Need(data.recipe.silicone.name, data.recipe.part_a_g + data.recipe.part_b_g, 0.0, "g", "kit")
+    mix = data.recipe
+    kit = supplies().get(mix.silicone.name)
+    silicone = Need(mix.silicone.name, mix.part_a_g + mix.part_b_g, 0.0, "g", "kit", kit.price_usd if kit else None)
     return [*plastics, silicone, *_screws(data), *_pieces(data.lines)]
 
 
@@ -149,16 +165,17 @@ def _plastics(sliced: Mapping[str, Any]) -> list[Need]:
         pair = grams.setdefault(project["material"], [0.0, 0.0])
         for piece in project["pieces"]:
             pair[is_mold(piece["name"])] += piece["grams"]
-    return [Need(name, own, mold, "g", "spool") for name, (own, mold) in grams.items()]
+    return [Need(name, own, mold, "g", "spool", spool_usd(filament_item(name))) for name, (own, mold) in grams.items()]
 
 
 def _screws(data: SheetData) -> list[Need]:
     """Screws by their size: those of the mold are used again."""
-    counts: dict[str, list[int]] = {}
+    counts: dict[tuple[str, float], list[int]] = {}
     for fit in data.fits:
-        pair = counts.setdefault(f"{screw_name(fit)} {fit.joint.standard}", [0, 0])
+        name, usd = f"{screw_name(fit)} {fit.joint.standard}", SCREW_USD[fit.joint.thread]
+        pair = counts.setdefault((name, usd), [0, 0])
         pair[is_mold(fit.joint.seat)] += len(fit.joint.places)
-    return [Need(name, own, mold, packs="bag") for name, (own, mold) in sorted(counts.items())]
+    return [Need(name, own, mold, packs="bag", usd=usd) for (name, usd), (own, mold) in sorted(counts.items())]
 
 
 def _pieces(lines: Sequence[BomLine]) -> list[Need]:
@@ -169,8 +186,22 @@ def _pieces(lines: Sequence[BomLine]) -> list[Need]:
             stays = line.use == "closes the mold"
             packs = "batch" if line.owner == "led_ring" else "bag" if BAG.search(line.order_as) else ""
             each, mold = (0.0, line.quantity) if stays else (line.quantity, 0.0)
-            needs.append(Need(line.item, each, mold, packs=packs))
+            usd = None if line.price_usd is None else line.price_usd / line.quantity
+            needs.append(Need(line.item, each, mold, packs=packs, usd=usd))
     return needs
+
+
+def paid_usd(data: SheetData, count: int) -> float:
+    """Price of whole packs for so many endcaps and one mold, and of consumables that serve all of them, US dollars.
+
+    Args:
+        data: of the sheet.
+        count: of endcaps.
+    """
+    filaments = {filament_item(plastic) for plastic in SPOOL_G}
+    once = [line for line in data.lines if line.kind == "consumable" and line.item not in filaments]
+    packs = sum(need.bought(count) * (need.usd or 0.0) for need in needed(data))
+    return packs + sum(line.paid_usd or 0.0 for line in once)
 
 
 def _amount(amount: float, unit: str) -> str:
@@ -179,17 +210,11 @@ def _amount(amount: float, unit: str) -> str:
     return f"{amount:.0f} {unit}" if unit else plain(amount)
 
 
-def _total_words(data: SheetData, need: Need, count: int) -> str:
+def _total_words(need: Need, count: int) -> str:
     """Amount and packs: ``110: bag of 200``, ``1267 g: 3 x 500 g``."""
-    total = need.total(count)
-    words = _amount(total, need.unit)
-    if need.packs == "bag":
-        return f"{words}: bag of {bag_size(math.ceil(total))}"
+    words, bought = _amount(need.total(count), need.unit), need.bought(count)
     if need.packs == "spool":
-        spools = spool_count(need.what, total)
-        return f"{words}: {spools} {'spool' if spools == 1 else 'spools'}"
-    if need.packs == "batch":
-        return f"{words}: batch of {max(RING_BATCH, math.ceil(total))}"
-    if need.packs == "kit" and (kit := supplies().get(need.what)):
-        return f"{words}: {kit_count(total, kit.amount)} x {kit.amount:g} g"
-    return words
+        return f"{words}: {bought} {'spool' if bought == 1 else 'spools'}"
+    if need.packs == "kit":
+        return f"{words}: {bought} x {supplies()[need.what].amount:g} g" if bought else words
+    return f"{words}: {need.packs} of {bought}" if need.packs else words

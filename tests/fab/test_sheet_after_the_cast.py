@@ -17,13 +17,15 @@ from fab.build_sheet.casting import bolt_reach_mm, casting, demolding
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.judging import _next_length, _stripped, judging, record
 from fab.build_sheet.prints import printing_s
-from fab.build_sheet.several import COUNTS, needed, time_and_number
+from fab.build_sheet.several import COUNTS, needed, paid_usd, time_and_number
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import LEAST_LEFT_MM3, closed_cast_mm3, overflow_of, recipe
+from fab.supplies import with_spools
 
 PARTS = [
     {"name": "camera", "role": "bought", "material": "", "quantity": 1},
     {"name": "led_ring", "role": "bought", "material": "", "quantity": 1},
+    {"name": "shell", "role": "cast", "material": "silicone", "quantity": 1},
 ]
 
 
@@ -94,6 +96,19 @@ def test_the_packs_are_those_of_the_total():
     assert rows["M3 square nut DIN 562"][3:] == ("60: bag of 100", "100: bag of 200")
     assert rows["PLA"][4] == "650 g: 1 spool" and rows["LED ring board"][3:] == ("6: batch of 6", "10: batch of 10")
     assert rows["M4 hexagon nut ISO 4032"][1:] == ("–", "6", "6: bag of 10", "6: bag of 10")
+
+
+def test_one_endcap_costs_as_the_cover_says_and_ten_cost_less_than_ten_times_that():
+    data = sheet_of()
+    data = replace(data, lines=with_spools(data.lines, {"PLA": 200.0, "TPU 95A": 25.0}))
+    petg = next(line for line in data.lines if line.item == "PETG filament")  # no part here is PETG
+    assert paid_usd(data, 1) == pytest.approx(sum(line.paid_usd or 0.0 for line in data.lines) - petg.paid_usd)
+    assert 10 * 45.0 + 10 * 12.0 < paid_usd(data, 10) < 5 * paid_usd(data, 1)
+    assert _needs_rows(data)[-1][4] == f"about {paid_usd(data, 10):.0f} USD"
+
+
+def _needs_rows(data: SheetData):
+    return [block for block in time_and_number(data) if isinstance(block, Table)][1].rows
 
 
 def test_without_slices_the_plastic_is_said_to_be_missing():

@@ -52,7 +52,7 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"kg on the middle of the hanger": "weight",
     r"the tray under the bowl": "tray",
     r"[Ww]ear the lamp": "lamp",
-    r"a toothpick out of joints": "dental pick",
+    r"a toothpick out of joints": "toothpicks",
     r"ruler across the interface": "ruler",
     r"tape measure or paper strip": "tape measure",
     r"caliper's rod": "caliper",

@@ -38,6 +38,7 @@ PACKS = (10, 20, 50, 100, 200, 500)  # E: how many screws a bag holds
 SPARE_SCREWS = 1  # E: of each kind, at the least: one that falls must not stop a cast while the clock runs
 CALIPERS_MM = (150, 200, 300)  # S: usual measuring ranges
 CALIPER_SPARE_MM = 5.0  # E: of the range, beyond the length that is measured
+RULER_BEYOND_MM = 30.0  # E: of a ruler on the interface's flange, on both sides of its bore together
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
         "caliper_mm": str(caliper_mm(layout.params.tip_height_mm)),
         "tape_m": f"{math.ceil(2 * math.pi * layout.params.outer_radius_mm / 500) / 2:g}",
         "lift_kg": f"{lift_kg(layout, mix):g}",
-        "rod_mm": str(math.ceil((2 * layout.params.opening_radius_mm + 40) / 10) * 10),
+        "rod_mm": str(math.ceil((2 * layout.params.bore_radius_mm + RULER_BEYOND_MM) / 10) * 10),
         "and_core": "" if core_passes_gyroid(layout) else ", and the interface while the core goes into it",
         "robot_key": "".join(keys),
     }

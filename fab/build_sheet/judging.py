@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from cad.dots import dot_pattern
 from cad.plain_numbers import plain
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
+from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.checks.screw_fit import LENGTHS_MM, ScrewFit, length_tolerance_mm, tip_room_wanted_mm
 from fab.recipe import LEAST_LEFT_MM3
@@ -39,7 +40,7 @@ def judging(data: SheetData) -> list[Block]:
         ),
         Table(("what", "how", "good", "if not"), _acceptance(data), (1.2, 2.4, 1.7, 2.4)),
         Heading("When something goes wrong"),
-        Table(("you see", "do"), _faults(data), (1.3, 3)),
+        Table(("you see", "do"), (*_casting_faults(data), *_mold_faults(data)), (1.3, 3)),
         Heading("The mold again"),
         *(Paragraph(words) for words in _reuse(data)),
     ]
@@ -79,8 +80,8 @@ def _acceptance(data: SheetData) -> tuple[tuple[str, str, str, str], ...]:
     )  # fmt: skip
 
 
-def _faults(data: SheetData) -> tuple[tuple[str, str], ...]:
-    """Rows of faults of cast and mold, in the order in which they show."""
+def _casting_faults(data: SheetData) -> tuple[tuple[str, str], ...]:
+    """Rows of faults that show until the mold is closed."""
     recipe = data.recipe
     more_g = math.ceil(LEAST_LEFT_MM3 / 1000 * recipe.silicone.density_g_cm3 / 5) * 5
     return (
@@ -97,6 +98,12 @@ def _faults(data: SheetData) -> tuple[tuple[str, str], ...]:
         ("the collar stops before it is down",
          "Do not pull it down with the bolts. Lift it a little, look for a thread of silicone, a washer or a seam of "
          "the collar on the dam; lower it again."),
+    )  # fmt: skip
+
+
+def _mold_faults(data: SheetData) -> tuple[tuple[str, str], ...]:
+    """Rows of faults that show once the mold is opened, and of worn parts."""
+    return (
         ("sticky everywhere, in the cup, too",
          f"Below {COLD_C} °C: wait; {WARM_C} °C for some hours helps, warmer bends PLA: no oven above it. Else the "
          "ratio was wrong, or a lid or spoon was exchanged: scrape all off, wipe with alcohol, cast again."),
@@ -113,8 +120,8 @@ def _faults(data: SheetData) -> tuple[tuple[str, str], ...]:
          "Alcohol along its seams, a minute, press the dome in from outside beside it, turn its screw 10 mm in and "
          "pull along the way of the picture. Never pry against the silicone."),
         ("a piece of the core or of the cup breaks",
-         "Pull the rest by a screw turned into it. Print that piece alone, of the same number and joints; the others "
-         "stay."),
+         f"Pull the rest by a screw turned into it. {make_command('slice', data)} plates=single makes a project of "
+         "each part: print the one of the same number, the others stay."),
         ("a hole in the PLA no longer holds its screw", _stripped(data.fits)),
         ("a nut turns or has lost its thread",
          "The pockets open into the bore: push it out with a screw after the demolding, put a new one in. Silicone in "

@@ -140,7 +140,8 @@ def _needs_blocks(data: SheetData) -> list[Block]:
         Table(header, (*rows, sums), (2.6, 1.1, 1, 1.8, 1.8), is_small=True),
         Paragraph(
             "What is not in this table is bought once, and serves all of them; look how much is left in the can of "
-            f"release agent, in the alcohol and in the gloves.{without}"
+            "release agent, in the alcohol and in the gloves. Where many kits are named, ask for the silicone's larger "
+            f"kit: it costs less by the gram.{without}"
         ),
     ]  # fmt: skip
 

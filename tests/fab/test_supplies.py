@@ -99,7 +99,7 @@ def test_caliper_ruler_and_tape_reach_what_they_measure(size, wanted_mm):
     layout = MoldLayout(EndcapParams(*size))
     lines = {line.item: line.order_as for line in supply_lines(recipe(6e5, overflow_of(layout)), layout)}
     assert lines["caliper"] == f"{wanted_mm} mm, with a depth rod" and layout.params.tip_height_mm < wanted_mm
-    assert float(re.search(r"at least (\d+) mm", lines["ruler"])[1]) > 2 * layout.params.opening_radius_mm + 20
+    assert float(re.search(r"at least (\d+) mm", lines["ruler"])[1]) > 2 * layout.params.bore_radius_mm + 20
     assert float(re.search(r"at least ([\d.]+) m,", lines["tape measure"])[1]) * 1000 > math.pi * size[0]
 
 

@@ -111,6 +111,7 @@ def bolt_reach_mm(data: SheetData) -> float:
 
 def demolding(data: SheetData) -> list[Block]:
     """Steps from the closed mold to the endcap."""
+    diameter_mm = data.layout.params.diameter_mm
     return [
         Heading("Demold", 1),
         Paragraph(
@@ -118,9 +119,10 @@ def demolding(data: SheetData) -> list[Block]:
         ),
         Paragraph(
             "Put safety glasses on. Keep the core's screws at hand: in D4 to D6 they are the handles of its pieces. "
-            "The bowl is the mold's foot. Once it is off, lay the dome, tip down, into the soft ring, about "
-            f"{0.7 * data.layout.params.diameter_mm:.0f} mm wide inside and {0.2 * data.layout.params.diameter_mm:.0f} "
-            "mm high: 24 screws want a dome that lies still."
+            "D1: once the bolts are out, turn the mold over onto the hanger, and lift the bowl's segments off upward. "
+            "The bowl was the foot: for D2 turn it back and lay the dome, tip down, into the soft ring, about "
+            f"{0.7 * diameter_mm:.0f} mm wide inside and {0.2 * diameter_mm:.0f} mm high. 24 screws want a dome that "
+            "lies still."
         ),
         *stage_blocks(data, "D", ("demold",)),
     ]

@@ -2,7 +2,6 @@
 
 The volume is that of the shell's mesh: the body as cast, dents and gyroid taken off. Source of the silicones:
 ``cad/materials.csv``; surplus and times below are our estimates (E).
-
 The pour exceeds the cast by the largest leak through the bowl's joints (:mod:`cad.leak`), the volume of the dam's gap,
 of the flange's edge and of the vents, and the error of pouring by hand; the wells fill last. If less leaks, the rest
 rises through the wells and stays as a film on the level hanger. Further room between the bolt flanges, behind the dam's
@@ -26,6 +25,7 @@ from cad.params import EndcapParams
 from fab.checks.check import Check
 
 SURPLUS = 0.15  # E: share over the cast; most of it stays in the cup and on the stick
+LEAST_LEFT_MM3 = 15e3  # E: film of 0.4 mm in a scraped cup of 0.6 l (330 cm2), and the stick
 HAND_G = 1.0  # E: error of stopping a thin stream by hand, with the cup on the scale
 SHOWN_RATIO = 0.5  # E: share of a well's depth that is clearly visible
 FILM_MM = 1.0  # E: on the hanger; at the sharp edge of a level plate silicone (21 mN/m) stands up to 1.8 mm high
@@ -113,17 +113,18 @@ class Recipe:
 
     @property
     def beyond_mm3(self) -> float:
-        """Volume poured beyond the cast: it reaches the wells even after the largest leak and too short a pour, mm^3.
-
-        Gap, edge and vents lie deeper than the wells, so they are full.
-        """
-        lost, places = self.overflow.leak + self.hand_mm3, self.overflow
-        return lost + places.gap + places.edge + places.vents + SHOWN_RATIO * places.wells
+        """Volume poured beyond the cast, mm^3: it reaches the wells after leak and short pour."""
+        return _beyond_mm3(self.overflow, self.air_mm3_per_g)
 
     @property
     def poured_g(self) -> float:
         """Mass to pour into the bowl."""
         return self.expected_g + self.beyond_mm3 * self.silicone.density_g_cm3 / 1000
+
+    @property
+    def left_g(self) -> float:
+        """Mass that is not poured: it stays in the cup and on the stick."""
+        return self.part_a_g + self.part_b_g - self.poured_g
 
     @property
     def heaviest_g(self) -> float:
@@ -152,7 +153,7 @@ class Recipe:
 
 
 def recipe(
-    cast_volume_mm3: float, overflow: Overflow, material: str = DEFAULT_SILICONE, surplus: float = SURPLUS
+    cast_volume_mm3: float, overflow: Overflow, material: str = DEFAULT_SILICONE, surplus: float | None = None
 ) -> Recipe:
     """Recipe for one cast.
 
@@ -160,7 +161,7 @@ def recipe(
         cast_volume_mm3: volume of the shell's mesh.
         overflow: volumes of the silicone beyond the cast (:func:`overflow_of`).
         material: a name in ``cad/materials.csv``.
-        surplus: share mixed over the cast's own mass.
+        surplus: share mixed over the cast's own mass; by default ``SURPLUS``, more where that pours too little.
 
     Raises:
         ParameterError: an unknown material.
@@ -169,6 +170,9 @@ def recipe(
     row = silicone(material)
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
     part_a, part_b = mix_parts(row.mix_ratio)
+    if surplus is None:
+        beyond = _beyond_mm3(overflow, 1000 / row.density_g_cm3)
+        surplus = max(SURPLUS, (beyond + LEAST_LEFT_MM3) / cast_volume_mm3)
     total = expected * (1 + surplus)
     return Recipe(
         row,
@@ -211,6 +215,12 @@ def timeline(row: Silicone, cast_volume_mm3: float, surplus: float = SURPLUS) ->
 
 def _half_minutes_up(minutes: float) -> float:
     return -(-minutes // SHOWN_MIN) * SHOWN_MIN
+
+
+def _beyond_mm3(places: Overflow, air_mm3_per_g: float) -> float:
+    """Volume poured beyond the cast, mm^3: gap, edge and vents lie deeper than the wells, so they are full."""
+    lost = places.leak + HAND_G * air_mm3_per_g
+    return lost + places.gap + places.edge + places.vents + SHOWN_RATIO * places.wells
 
 
 def millilitres(volume_mm3: float) -> str:

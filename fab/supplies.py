@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -15,13 +15,13 @@ from cad.fasteners import BomLine
 from cad.lens import camera_module
 from cad.mold_layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT, robot_side
+from fab.lift import lift_kg
 from fab.recipe import Recipe
 from fab.slice.filaments import filament
-from fab.steps.record import Step
+from fab.steps.mold import core_passes_gyroid
 
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
-AT_SOME_SIZES = ("soft ring",)  # rows that only some orders of the steps need
 CUP_TIMES = 5  # E: volume of the foam during degassing, over that of the mix
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
@@ -34,7 +34,11 @@ SPARE = 1.1  # E: skirts, brims, and a part that fails
 ESTIMATE_ERROR = 0.15  # E: of the plastic before it is sliced (fab/build_sheet/plastic.py has what was measured)
 LEAST_CHAMBER_L = 5
 CHAMBER_TIMES = 1.3  # E: a round chamber round a round cup, with a finger's breadth to lift it out
-PACKS = (10, 20, 50, 100, 200)  # E: how many screws a bag holds
+PACKS = (10, 20, 50, 100, 200, 500)  # E: how many screws a bag holds
+SPARE_SCREWS = 1  # E: of each kind, at the least: one that falls must not stop a cast while the clock runs
+CALIPERS_MM = (150, 200, 300)  # S: usual measuring ranges
+CALIPER_SPARE_MM = 5.0  # E: of the range, beyond the length that is measured
+RULER_BEYOND_MM = 30.0  # E: of a ruler on the interface's flange, on both sides of its bore together
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,22 @@ def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
         "and_degas": " and degas" if mix.is_degassed else "",
         "level_mm": str(math.ceil(across_dam_mm / 10) * 10),
         "dot_mm": f"{layout.params.dot_mm:g}",
+        "caliper_mm": str(caliper_mm(layout.params.tip_height_mm)),
+        "tape_m": f"{math.ceil(2 * math.pi * layout.params.outer_radius_mm / 500) / 2:g}",
+        "lift_kg": f"{lift_kg(layout, mix):g}",
+        "rod_mm": str(math.ceil((2 * layout.params.bore_radius_mm + RULER_BEYOND_MM) / 10) * 10),
+        "and_core": "" if core_passes_gyroid(layout) else ", and the interface while the core goes into it",
         "robot_key": "".join(keys),
     }
+
+
+def caliper_mm(length_mm: float) -> int:
+    """Measuring range of the smallest usual caliper whose depth rod reaches so far, mm.
+
+    Args:
+        length_mm: mm.
+    """
+    return next(size for size in CALIPERS_MM if size >= length_mm + CALIPER_SPARE_MM)
 
 
 def spool_usd(item: str) -> float | None:
@@ -127,19 +145,8 @@ def spool_usd(item: str) -> float | None:
     Args:
         item: name of a row, such as ``PLA filament``.
     """
-    plastic = next((name for name in SPOOL_G if item == _filament_item(name)), None)
+    plastic = next((name for name in SPOOL_G if item == filament_item(name)), None)
     return None if plastic is None else SPOOL_G[plastic] / 1000 * filament(plastic).price_usd_kg
-
-
-def for_steps(lines: Sequence[BomLine], steps: Iterable[Step]) -> list[BomLine]:
-    """The lines without those that are needed at some sizes only and that no step names.
-
-    Args:
-        lines: of the bill.
-        steps: of the whole work.
-    """
-    words = " ".join(line for step in steps for line in step.lines)
-    return [line for line in lines if line.item not in AT_SOME_SIZES or line.item in words]
 
 
 def plastic_g(parts: Sequence[Mapping[str, Any]], figures: Mapping[str, tuple[float, float]]) -> dict[str, float]:
@@ -164,11 +171,11 @@ def with_spools(lines: Sequence[BomLine], grams: Mapping[str, float], is_estimat
         grams: of each plastic; the line of a plastic that is missing keeps the amount of the table.
         is_estimate: whether the grams are estimated, and not sliced; then the lines name them with their range.
     """
-    plastics = {_filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
+    plastics = {filament_item(plastic): plastic for plastic in SPOOL_G if grams.get(plastic)}
     counted = []
     for line in lines:
         if plastic := plastics.get(line.item):
-            spools = math.ceil(SPARE * grams[plastic] / SPOOL_G[plastic])
+            spools = spool_count(plastic, grams[plastic])
             use = line.use + (f"; {estimate_words(grams[plastic])}" if is_estimate else "")
             line = replace(line, quantity=spools, pack_usd=spools * (spool_usd(line.item) or 0.0), use=use)
         counted.append(line)
@@ -203,23 +210,48 @@ def silicone_line(mix: Recipe) -> BomLine:
     kit = supplies().get(mix.silicone.name)
     if kit is None:
         return BomLine(item, grams, "g", "shell", "cast", None, "E", "add its kit to fab/supplies.csv", "silicone")
-    count = math.ceil(STAYS_IN_BOTTLES * grams / kit.amount)
+    count = kit_count(grams, kit.amount)
     order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
     price = None if kit.price_usd is None else count * kit.price_usd
     return BomLine(item, grams, "g", "shell", "cast", price, kit.letter, order, "silicone")
 
 
 def bag_size(count: int) -> int:
-    """Size of the smallest bag with enough screws.
+    """Size of the smallest bag with enough screws and a spare one.
 
     Args:
         count: of screws that are needed.
     """
-    return next((size for size in PACKS if size >= count), count)
+    wanted = count + SPARE_SCREWS
+    return next((size for size in PACKS if size >= wanted), wanted)
 
 
-def _filament_item(plastic: str) -> str:
-    """Name of the row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A."""
+def spool_count(plastic: str, grams: float) -> int:
+    """Number of spools of a plastic.
+
+    Args:
+        plastic: name, such as ``TPU 95A``.
+        grams: in the printed parts.
+    """
+    return math.ceil(SPARE * grams / SPOOL_G[plastic])
+
+
+def kit_count(grams: float, kit_g: float) -> int:
+    """Number of kits of a silicone.
+
+    Args:
+        grams: to be weighed out.
+        kit_g: mass of one kit, g.
+    """
+    return math.ceil(STAYS_IN_BOTTLES * grams / kit_g)
+
+
+def filament_item(plastic: str) -> str:
+    """Name of the row of supplies.csv for a plastic: ``TPU filament`` for TPU 95A.
+
+    Args:
+        plastic: name, such as ``TPU 95A``.
+    """
     return f"{plastic.split()[0]} filament"
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from fab.build_sheet.pictures import Workshop
     from fab.recipe import Recipe
     from fab.slice.projects import Export
-    from fab.steps.record import Step
 
 FOLDER = "sheet"
 RECORD = "sheet.json"
@@ -132,7 +131,7 @@ def _collect(
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)
     ways = {name: core_path(shop.layout, name, shop.meshes[name]) for name in REMOVAL_ORDER}
     steps = all_steps(shop.layout, ways)
-    lines = _lines(export, shop, mix, sliced, steps)
+    lines = _lines(export, shop, mix, sliced)
     checks = [
         *bom_checks(export.manifest, all_joints(shop.layout), shop.fits, lines),
         Check("recipe.pot_life_to_spare_min", mix.pot_life_to_spare_min, low=0.0),
@@ -153,18 +152,16 @@ def _collect(
     return data, {"digest": export.params.digest, "recipe": mix.record(), "checks": records}
 
 
-def _lines(
-    export: Export, shop: Workshop, mix: Recipe, sliced: dict[str, Any] | None, steps: Sequence[Step]
-) -> list[BomLine]:
+def _lines(export: Export, shop: Workshop, mix: Recipe, sliced: dict[str, Any] | None) -> list[BomLine]:
     """Lines of the bill of materials."""
     from fab.bom import bom_lines, printed_figures
     from fab.build_sheet.plastic import estimated_plastic_g
-    from fab.supplies import for_steps, plastic_g, with_spools
+    from fab.supplies import plastic_g, with_spools
 
     plastics = plastic_g(export.manifest["parts"], printed_figures(sliced))
     grams = plastics if sliced else estimated_plastic_g(export.printed, shop.meshes)
     lines = bom_lines(shop.layout, export.manifest, shop.fits, mix, sliced)
-    return for_steps(with_spools(lines, grams, is_estimate=not sliced), steps)
+    return with_spools(lines, grams, is_estimate=not sliced)
 
 
 def _other_pictures(export: Export, shop: Workshop, folder: Path, progress: Progress) -> dict[str, Path]:

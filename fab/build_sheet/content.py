@@ -12,8 +12,10 @@ from fab.build_sheet.casting import casting, demolding, silicone
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import assembling, light_check, painting
+from fab.build_sheet.judging import judging, record
 from fab.build_sheet.lighting import led_ring
 from fab.build_sheet.prints import bed_needed, mold_sums, prints
+from fab.build_sheet.several import time_and_number
 from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
 from fab.part_words import WORKSHOP, height_words
@@ -33,14 +35,17 @@ def build_document(data: SheetData) -> Document:
     blocks = [
         *_cover(data),
         *bill(data),
+        *time_and_number(data),
         *prints(data),
         *silicone(data),
         *casting(data),
         *demolding(data),
+        *judging(data),
         *painting(data),
         *led_ring(data),
         *assembling(data),
         *light_check(data),
+        *record(data),
         *_gates(data),
     ]
     subtitle = f"digest of the parameters {params.digest[:12]}; lengths in mm unless marked"
@@ -70,9 +75,9 @@ def _cover(data: SheetData) -> list[Block]:
         Table((), tuple(facts), (1, 4)),
         Paragraph(
             "Read once to the end before you mix: from the first drop of B the clock runs. The order is buy, print, "
-            "cast, demold, paint, make the ring's cable, assemble, test. Order the LED ring's board first: it is made "
-            "for you. What stops the cure is in the chapter Silicone: no latex. Commands are typed in the toolkit's "
-            "folder."
+            "cast, demold, judge the dome, paint, make the ring's cable, assemble, test. Order the LED ring's board "
+            "first: it is made for you. What stops the cure is in the chapter Silicone: no latex. Commands are typed "
+            "in the toolkit's folder."
         ),
         Heading("Words of the steps"),
         Table(("word", "what it is"), tuple(WORKSHOP.items()), (1, 4)),

@@ -50,7 +50,8 @@ def painting(data: SheetData) -> list[Block]:
         Heading("Paint the dots", 1),
         *steps(data, "P", [
             ("Fill every dent with ink",
-             ("Wipe the inside with alcohol.",
+             ("Wipe the inside with alcohol, and let it dry. Wear the lamp: a dent shows when light comes from the "
+              "side.",
               f"{_full_lines(params)} Write 0 at its end on the interface's rim: azimuths count from it, clockwise as "
               "you look into the dome.",
               "Touch each dent with the marker, from the tip outward, ring by ring. Where dents are hard to see, lay a "

@@ -100,8 +100,9 @@ def led_ring(data: SheetData) -> list[Block]:
     return [
         Heading("LED ring", 1),
         Paragraph(
-            f"{ring_command(data)} writes the board's files (Gerber, drills, bill, "
-            f"placement) and its own checks. With {LED_COUNT} LEDs and R1 = {driver.r_set_ohm:g} ohm it draws "
+            f"{ring_command(data)} writes the board's files and its own checks; its last line names the folder. A "
+            "board house gets led_ring-gerber.zip from there, and led_ring-bom.csv and led_ring-placement.csv to fit "
+            f"the parts. With {LED_COUNT} LEDs and R1 = {driver.r_set_ohm:g} ohm it draws "
             f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V (the paper: under {1e3 * RING_A:.0f}), efficiency "
             f"{100 * driver.efficiency:.0f} %. The spacer is PETG, which keeps its shape in rooms up to "
             f"{warmest_room_c(driver, params):.0f} °C by estimate; PLA would creep 15 K earlier."

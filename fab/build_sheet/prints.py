@@ -76,7 +76,8 @@ def _coupon_words(data: SheetData) -> str:
     is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
     wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
     return (
-        f"First the fit coupon: {coupons_line(data)}, print fit_plate and fit_tab in PLA, fit_nuts in TPU. These "
+        f"First the fit coupon: {coupons_line(data)}, print fit_plate and fit_tab in PLA, fit_nuts in TPU, "
+        "in layers of 0.2 mm, flat as they lie in their files, with the filament and the printer of the mold. These "
         f"molds have joints of {layout.joint_clearance_mm:g} mm a side. If another step of the coupon fits, make "
         f"them again with it (joint_clearance=). For this size it can be {low:g} to {high:g} mm{wider}. Where no such "
         "step fits, correct the horizontal expansion in your slicer and print the coupon again."
@@ -88,8 +89,9 @@ def _plates(data: SheetData, sliced: Mapping[str, Any]) -> list[Block]:
     return [
         Heading("Open the projects"),
         Paragraph(
-            "PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open Project, "
-            "<plate>.orca.3mf, and answer that you want it as a project, not geometry only. Pose, filling, "
+            "The projects lie in the folder slice/, beside sheet/ with this sheet; <plate> is a name of the table "
+            "below. PrusaSlicer: File, Open Project, <plate>.prusa.3mf. OrcaSlicer or Bambu Studio: File, Open "
+            "Project, <plate>.orca.3mf, and answer that you want it as a project, not geometry only. Pose, filling, "
             f"temperatures and fan are inside. {_preset(printer)} Do not arrange or turn the parts; slice, look at the "
             "first layer, print."
         ),
@@ -139,20 +141,39 @@ def _filled(data: SheetData, projects: list[Mapping[str, Any]]) -> list[Block]:
 def mold_sums(data: SheetData) -> tuple[str, float, float] | None:
     """Printing time, grams and US dollars of the mold; ``None`` before it was sliced.
 
-    A plate's time is divided among its parts in proportion to their plastic.
-
     Args:
         data: of the sheet.
     """
     if data.sliced is None:
         return None
-    time_s = grams = cost = 0.0
-    for project in data.sliced["projects"]:
-        pieces = [piece for piece in project["pieces"] if is_mold(piece["name"])]
-        own = sum(piece["grams"] for piece in pieces)
-        time_s += project["time_s"] * own / project["grams"]
-        grams, cost = grams + own, cost + sum(piece["cost_usd"] for piece in pieces)
-    return hours(time_s) + " of printing", grams, cost
+    pieces = [p for project in data.sliced["projects"] for p in project["pieces"] if is_mold(p["name"])]
+    grams, cost = (sum(float(piece[key]) for piece in pieces) for key in ("grams", "cost_usd"))
+    return hours(printing_s(data.sliced)[0]) + " of printing", grams, cost
+
+
+def printing_s(sliced: Mapping[str, Any]) -> tuple[float, float]:
+    """Printing time of the mold, and of one endcap's own parts with the interface of the slicer's infill, s.
+
+    A plate's time is divided among its parts in proportion to their plastic.
+
+    Args:
+        sliced: ``slice.json``.
+    """
+    mold = own = 0.0
+    for project in one_interface(sliced):
+        of_mold = sum(piece["grams"] for piece in project["pieces"] if is_mold(piece["name"])) / project["grams"]
+        mold += of_mold * project["time_s"]
+        own += (1.0 - of_mold) * project["time_s"]
+    return mold, own
+
+
+def one_interface(sliced: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Projects that are printed: of the two of the interface, the one with the slicer's infill.
+
+    Args:
+        sliced: ``slice.json``.
+    """
+    return [project for project in sliced["projects"] if project.get("name") != "interface_gyroid"]
 
 
 def _preset(printer: Mapping[str, Any]) -> str:

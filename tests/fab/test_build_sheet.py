@@ -81,7 +81,7 @@ def words_of(data: SheetData) -> str:
 @pytest.mark.parametrize("params", [PARAMS, EndcapParams(142.0, 7.5), EndcapParams(130.0, 8.0, dot_mm=3.5)])
 def test_weights_are_made_before_setup_where_none_ship(params, material, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))  # what this user trained does not count
-    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3, material), [], [], [], [], 0.0, {})
+    data = SheetData(MoldLayout(params), {}, None, recipe(2e5, MIX.overflow, material), [], [], [], [], 0.0, {})
     text = words_of(data)
     assert ("make train" in text) == (find_weights(params, material) is None)
     if "make train" in text:

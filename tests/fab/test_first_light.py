@@ -34,7 +34,9 @@ PARAMS = EndcapParams(142.0, 7.5)
 
 def sheet(params: EndcapParams = PARAMS) -> tuple[str, dict[str, tuple[str, ...]]]:
     """Running text, and the table's rows by their first cell."""
-    blocks = light_check(SheetData(MoldLayout(params), {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {}))
+    blocks = light_check(
+        SheetData(MoldLayout(params), {}, None, recipe(2e5, overflow_of(MoldLayout(params))), [], [], [], [], 0.0, {})
+    )
     table = next(block for block in blocks if isinstance(block, Table))
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     return text, {str(row[0]): tuple(map(str, row[1:])) for row in table.rows}
@@ -156,7 +158,9 @@ def test_the_words_of_the_fit_are_those_of_its_drawing_and_the_camera_file_has_i
 def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
     params = EndcapParams(142.0, 7.5, rings)
     layout = MoldLayout(params)
-    blocks = painting(SheetData(layout, {}, None, recipe(2e5, 2e3), [], [], [], [], 0.0, {"dots": Path("dots.png")}))
+    blocks = painting(
+        SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {"dots": Path("dots.png")})
+    )
     step = next(block for block in blocks if isinstance(block, Step))
     assert step.lines[1].startswith(words) and "Write 0 at its end" in step.lines[1]
     assert "begin there" in step.lines[1] and "from the tip outward" in step.lines[2]  # chosen before it is painted

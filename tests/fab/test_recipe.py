@@ -42,7 +42,7 @@ def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():
 
 @pytest.mark.parametrize(("cast_g", "kits"), [(480.0, 1), (499.0, 2), (2498.8, 6)])
 def test_kits_hold_what_stays_in_their_bottles_too(cast_g, kits):
-    mix = recipe(1e5, 2e3)
+    mix = recipe(1e5, OVERFLOW)
     mix = dataclasses.replace(mix, part_a_g=cast_g / 1.1, part_b_g=cast_g / 11)
     assert f"{kits} x Smooth-On Smooth-Sil 950" in silicone_line(mix).order_as
 

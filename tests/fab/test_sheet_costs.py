@@ -21,7 +21,7 @@ from fab.build_sheet.shopping import bill
 from fab.build_sheet.sums import cost_facts
 from fab.checks.screw_fit import ScrewFit
 from fab.part_words import PARTS, part_words
-from fab.recipe import recipe
+from fab.recipe import overflow_of, recipe
 from fab.slice.filaments import filament
 from fab.supplies import with_spools
 
@@ -41,12 +41,14 @@ SLICED = {
 
 def lines_of(sliced: dict | None) -> list[BomLine]:
     fits = [ScrewFit(joint, 12.0, 8.0, 9.0, 5.0, 1.0, 0.0) for joint in all_joints(LAYOUT)]
-    return bom_lines(LAYOUT, MANIFEST, fits, recipe(282e3, 2e3), sliced)
+    return bom_lines(LAYOUT, MANIFEST, fits, recipe(282e3, overflow_of(LAYOUT)), sliced)
 
 
 def sheet_of(sliced: dict | None, **changed) -> SheetData:
     pictures = {f"thumb_{name}": Path(f"{name}.jpg") for name in (*PRINTED, "camera", "led_ring")}
-    data = SheetData(LAYOUT, MANIFEST, None, recipe(282e3, 2e3), [], [], lines_of(sliced), [], 0.0, pictures)
+    data = SheetData(
+        LAYOUT, MANIFEST, None, recipe(282e3, overflow_of(LAYOUT)), [], [], lines_of(sliced), [], 0.0, pictures
+    )
     return replace(data, **changed)
 
 
@@ -105,7 +107,7 @@ def test_screws_of_the_robot_do_not_show_the_picture_of_the_adapter():
 
 @pytest.mark.parametrize("robot", sorted(robot_sides()))
 def test_every_robot_has_words(robot):
-    lines = bom_lines(LAYOUT, {"parts": [], "robot": robot}, [], recipe(282e3, 2e3), None)
+    lines = bom_lines(LAYOUT, {"parts": [], "robot": robot}, [], recipe(282e3, overflow_of(LAYOUT)), None)
     assert not any("_" in line.use for line in lines)
 
 

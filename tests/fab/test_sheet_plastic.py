@@ -13,7 +13,7 @@ from fab.bom import all_joints
 from fab.build_sheet.__main__ import _lines
 from fab.build_sheet.plastic import estimated_part_g, estimated_plastic_g
 from fab.checks.screw_fit import ScrewFit
-from fab.recipe import recipe
+from fab.recipe import overflow_of, recipe
 
 PLA, TPU = 1.24e-3, 1.21e-3  # g/mm3
 
@@ -46,8 +46,9 @@ def test_the_sheet_before_slicing_lists_spools_by_the_size_of_the_parts(side_mm,
     export = SimpleNamespace(manifest={"parts": [part]}, printed={"base": "PLA"})
     fits = [ScrewFit(joint, 12.0, 8.0, 9.0, 5.0, 1.0, 0.0) for joint in all_joints(layout)]
     shop = SimpleNamespace(layout=layout, meshes={"base": cube(side_mm)}, fits=fits)
-    found = {line.item: line for line in _lines(export, shop, recipe(282e3, 2e3), None, [])}
+    mix = recipe(282e3, overflow_of(shop.layout))
+    found = {line.item: line for line in _lines(export, shop, mix, None)}
     assert found["PLA filament"].quantity == spools and "g until sliced" in found["PLA filament"].use
     project = {"name": "base", "pieces": [{"name": "base", "grams": 90.0, "cost_usd": 1.8}]}
-    sliced = {line.item: line for line in _lines(export, shop, recipe(282e3, 2e3), {"projects": [project]}, [])}
+    sliced = {line.item: line for line in _lines(export, shop, mix, {"projects": [project]})}
     assert sliced["PLA filament"].quantity == 1 and "until sliced" not in sliced["PLA filament"].use

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 
+import numpy as np
 import pytest
 
 from cad.bought import bought_mm
@@ -16,12 +18,14 @@ from fab.bom import all_joints
 from fab.build_sheet.casting import casting, demolding
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.finishing import painting
+from fab.build_sheet.judging import judging
 from fab.build_sheet.lighting import steps_of_wiring
 from fab.build_sheet.steps import screws
 from fab.checks.screw_fit import ScrewFit
-from fab.recipe import overflow_of, recipe
+from fab.lift import lift_g, lift_kg
+from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.steps.endcap import all_steps
-from fab.supplies import silicone_line, supply_lines
+from fab.supplies import bag_size, silicone_line, supply_lines
 
 LAYOUT = MoldLayout(EndcapParams(171.3, 10.1, dot_mm=3.6))
 MIX = recipe(6e5, overflow_of(LAYOUT))
@@ -44,6 +48,16 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"[Ss]afety glasses": "safety glasses",
     r"grit 240": "emery paper",
     r"vacuum chamber": "vacuum chamber and pump",
+    r"soft ring": "soft ring",
+    r"kg on the middle of the hanger": "weight",
+    r"the tray under the bowl": "tray",
+    r"[Ww]ear the lamp": "lamp",
+    r"a toothpick out of joints": "toothpicks",
+    r"ruler across the interface": "ruler",
+    r"tape measure or paper strip": "tape measure",
+    r"caliper's rod": "caliper",
+    r"[Ff]rom a syringe": "syringe",
+    r"cotton bud": "cotton buds",
 }
 
 
@@ -54,7 +68,8 @@ def items(robot: str = "iso_9409_1_50_4_m6") -> dict[str, tuple[str, str]]:
 def test_every_tool_that_a_step_asks_for_is_listed():
     data = SheetData(LAYOUT, {}, None, MIX, [], [], [], [], 0.0, {"dots": None})
     ways = dict.fromkeys(REMOVAL_ORDER, ())
-    words = f"{all_steps(LAYOUT, ways)} {steps_of_wiring()} {painting(data)} {casting(data)} {demolding(data)}"
+    chapters = (steps_of_wiring(), painting(data), casting(data), demolding(data), judging(data))
+    words = f"{all_steps(LAYOUT, ways)} {chapters}"
     for asked, item in ASKED_FOR.items():
         if item != "solder":  # its step says "solder the crimped cable on"
             assert re.search(asked, words), asked
@@ -79,9 +94,33 @@ def test_the_spirit_level_reaches_across_the_dam():
     assert across_mm == pytest.approx(181.6) and across_mm + 5 < length_mm == 190 and "dam" in use
 
 
-def test_a_caliper_is_asked_for_what_it_can_measure():
-    order, use = items()["caliper"]
-    assert order == "150 mm" and "dome" not in use
+@pytest.mark.parametrize(("size", "wanted_mm"), [((98.86, 6.5), 150), ((171.3, 10.1), 150), ((250.0, 25.0), 300)])
+def test_caliper_ruler_and_tape_reach_what_they_measure(size, wanted_mm):
+    layout = MoldLayout(EndcapParams(*size))
+    lines = {line.item: line.order_as for line in supply_lines(recipe(6e5, overflow_of(layout)), layout)}
+    assert lines["caliper"] == f"{wanted_mm} mm, with a depth rod" and layout.params.tip_height_mm < wanted_mm
+    assert float(re.search(r"at least (\d+) mm", lines["ruler"])[1]) > 2 * layout.params.bore_radius_mm + 20
+    assert float(re.search(r"at least ([\d.]+) m,", lines["tape measure"])[1]) * 1000 > math.pi * size[0]
+
+
+@pytest.mark.parametrize(("size", "own_kg"), [((107.0, 7.3), 0.5), ((250.0, 25.0), 6.0)])
+def test_the_weight_holds_down_what_the_silicone_lifts(size, own_kg):
+    """The push on the bowl, integrated in rings from the tip to the seam, less the silicone's weight."""
+    layout = MoldLayout(EndcapParams(*size))
+    params, mix = layout.params, recipe(closed_cast_mm3(layout.params), overflow_of(layout))
+    level = layout.hanger_thickness_mm - 2.0  # half a well
+    polar = (np.arange(2000) + 0.5) * math.pi / 4000  # from the tip of the sphere to its widest section
+    depth = params.centre_height_mm + params.outer_radius_mm * np.cos(polar) + level
+    rings = 2 * math.pi * params.outer_radius_mm**2 * np.sin(polar) * math.pi / 4000
+    bowl_g = (depth * np.cos(polar) * rings).sum() * mix.silicone.density_g_cm3 / 1000
+    assert lift_g(layout, mix) == pytest.approx(bowl_g - mix.expected_g, rel=1e-4)
+    assert lift_kg(layout, mix) >= lift_g(layout, mix) / 1000 > lift_kg(layout, mix) - 0.5 > own_kg - 1.0
+    order = next(line.order_as for line in supply_lines(mix, layout) if line.item == "weight")
+    assert order.startswith(f"{lift_kg(layout, mix):g} kg")
+
+
+def test_a_bag_holds_a_spare_screw():
+    assert [bag_size(count) for count in (1, 9, 10, 14, 20, 499, 500)] == [10, 10, 20, 20, 50, 500, 501]
 
 
 def test_a_blank_adapter_asks_for_a_drill_and_no_key_of_the_robot():

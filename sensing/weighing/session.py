@@ -120,8 +120,8 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 request = terms.request(word)
                 ask(f"  load it with {request.name}, let it stand still, then press Enter ")
                 listener.anew()
-                loaded = _await(listener, RestWatch.pressed, "under the load").less(untouched)
-                pose = made_pose(request, loaded, terms.gravity_m_s2)
+                pressed = _await(listener, RestWatch.pressed, "under the load")
+                pose = made_pose(request, pressed.less(untouched), terms.gravity_m_s2)
                 require_unit(pose)
                 if len(poses) > 1:
                     fit_gain([*poses, pose])
@@ -130,7 +130,10 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 continue
             poses.append(pose)
             gain, sd = pose_gain(pose)
-            say(f"  the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: gain {gain:.3f} ± {sd:.3f}")
+            say(
+                f"  the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: gain {gain:.3f} ± {sd:.3f}"
+                f"{pressed.note}"
+            )
 
 
 def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:

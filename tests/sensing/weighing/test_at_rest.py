@@ -87,7 +87,7 @@ def watched(readings) -> RestWatch:
 
 
 def test_a_few_dots_that_look_otherwise_do_not_refuse_a_load():
-    """Reflections at the tip flagged every rendered sensor of D=107 at half its range: none of them could be weighed."""
+    """Reflections at the tip flagged every rendered sensor of D=107 at half its range: none could be weighed."""
     flags = frozenset({DISTURBED})
     rest = watched(reading(k, 9.0, flags, disturbed=4) for k in range(40)).pressed()
     assert rest.wrench[2] == -9.0 and rest.disturbed == 4 and "4 dot(s) look otherwise than untouched" in rest.note

@@ -81,7 +81,7 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     )
 
 
-def weights_words(params: EndcapParams, silicone_name: str) -> str:
+def weights_g(params: EndcapParams, silicone_name: str) -> str:
     """Range of the weights with which this endcap's forces are corrected, as text: ``540 to 2500 g``.
 
     Args:

@@ -13,14 +13,7 @@ from cad.pattern import step_deg
 from cad.robot_sides import robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import (
-    INTERPRETER,
-    RELEASED,
-    camera_setting,
-    program_command,
-    train_command,
-    weights_words,
-)
+from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command, weights_g
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import SCALE_LINE_MM, first_light, gores, repeat_deg, ruler
 from fab.build_sheet.steps import stage_blocks, steps
@@ -286,7 +279,7 @@ def _first_run(data: SheetData) -> list[Block]:
             'Neither reads camera.json by itself. To use it, write camera = "camera.json" under [[endcap]] in '
             "endcaps.toml."
         ),
-        *_weighing(weights_words(params, material)),
+        *_weighing(weights_g(params, material)),
     ]  # fmt: skip
 
 

@@ -63,6 +63,7 @@ COLUMNS: dict[str, str] = {
     "camera_exposure": "factor on the light collected",
     "reference": "which of the shard's reference pictures has this path's lamp",
 }
+RECORDED = "recorded"  # protocol of sets that sensing.record wrote, with which the names of their paths begin
 PICTURES = ("jpeg", "jpeg_end", "reference_jpeg", "reference_jpeg_end")
 
 

@@ -31,6 +31,7 @@ from sensing.arguments import number, silicone_name
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
 from sensing.live.core.endcaps_file import live_command, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.first_reference import without_reference
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
@@ -41,7 +42,7 @@ from sensing.tracking.zero import save_zero
 from sensing.wrench.contact import threshold_from_rest
 
 REST_S, MOST_REST_S = 5.0, 90.0  # watched for a threshold at least, and at most until it has samples enough
-TOUCH_S, ZERO_S = 30.0, 20.0  # waited for a touch and for a zero
+TOUCH_S = 30.0  # waited for a touch
 FALSE_RATE = 1e-3  # contacts a frame that an untouched endcap may show
 TOUCH_SHARE = 3.0  # a touch is this many times the largest force at rest of that camera
 LEAST_TOUCH_N = 1.0  # at D=130 T=8
@@ -109,13 +110,10 @@ def set_up(
 
 
 def _await_zeros(endcaps: Sequence[LiveEndcap]) -> None:
-    end_s = time.monotonic() + ZERO_S
-    while waiting := [endcap for endcap in endcaps if endcap.pipeline.zero is None]:
-        if time.monotonic() > end_s:
-            endcap = waiting[0]
-            why = endcap.health.message or "no frame came"
-            raise ParameterError(f"{endcap.pipeline.endcap.source}: not zeroed in {ZERO_S:.0f} s: {why}", name="source")
-        time.sleep(0.05)
+    for endcap in endcaps:
+        why = without_reference(endcap)
+        if why:
+            raise ParameterError(f"{endcap.pipeline.endcap.source}: {why}", name="source")
 
 
 def _watch_rest(endcaps: Sequence[LiveEndcap], watch: Watch) -> dict[str, list[np.ndarray]]:

@@ -30,6 +30,7 @@ from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain
 from sensing.weighing.robot import weigh_robot
 from sensing.weighing.session import Ask, Terms, made_pose, weigh_live
 from sensing.weighing.store import gain_entries
+from sensing.weighing.unnoticed import unnoticed
 from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose
 from sensing.wrench.stiffness import weights_digest
 
@@ -97,13 +98,14 @@ def _from_file(endcap: EndcapConfig, request: PoseRequest, model: LiveModel, ter
     try:
         for reading in film_readings(endcap, source, model):
             watch.add(reading)
-        pose = made_pose(request, watch.pressed(), terms.gravity_m_s2)
+        rest = watch.loaded()
+        pose = made_pose(request, rest, terms.gravity_m_s2)
     except WeighingError as error:
         raise WeighingError(f"{request.name} ({source}): {error}") from None
     gain, sd = pose_gain(pose)
     _say(
         f"  {request.name}: the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: "
-        f"gain {gain:.3f} ± {sd:.3f}"
+        f"gain {gain:.3f} ± {sd:.3f}{rest.note}"
     )
     return pose
 
@@ -112,6 +114,11 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
     _say(
         f"gain {found.gain:.4f} ± {found.sd:.4f} from {len(poses)} poses (chi-square {found.chi_square:.1f}, refused "
         f"over {found.limit:.0f})"
+    )
+    missed = unnoticed(poses)
+    _say(
+        f"  one weight that is wrong by up to {100 * missed.weight_part:.0f} % would not have been noticed, and would "
+        f"change the gain by up to {100 * missed.gain_part:.0f} %: check the weights on a second scale, or add another"
     )
     for pose, left in zip(poses, found.residual_n, strict=True):
         _say(f"  {pose.name}: left over fx {left[0]:+.2f}, fy {left[1]:+.2f}, fz {left[2]:+.2f} N")

@@ -10,6 +10,7 @@ import shlex
 from cad.design_arguments import design_words
 from cad.lens import camera_setting
 from cad.materials import DEFAULT_SILICONE
+from cad.materials import silicone as silicone_row
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
@@ -18,6 +19,10 @@ from fab.variant import Variant, coupons_command, printer_option
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
+RELEASED_LOAD_N = 35.0  # P, NET22: largest set-point of the released data; of other endcaps as their forces scale
+WEIGHED_PARTS = 0.15, 0.7  # of that range: what sensing.weigh takes best
+LEAST_G, MOST_G = 20.0, 6000.0  # that it takes at all
+GRAVITY_M_S2 = 9.80665  # standard gravity, ISO 80000-3
 
 
 def make_command(target: str, data: SheetData, printer: str | None = None) -> str:
@@ -74,3 +79,19 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     return camera_setting() + " ".join(
         ("make train", f"D={plain(params.diameter_mm)}", f"T={plain(params.wall_mm)}", *words)
     )
+
+
+def weights_g(params: EndcapParams, silicone_name: str) -> str:
+    """Range of the weights with which this endcap's forces are corrected, as text: ``540 to 2500 g``.
+
+    Args:
+        params: the design.
+        silicone_name: row of cad/materials.csv.
+    """
+    rows = silicone_row(silicone_name), silicone_row(DEFAULT_SILICONE)
+    shear_mpa, released_mpa = (row.neo_hooke().shear_mpa for row in rows)
+    range_n = RELEASED_LOAD_N * shear_mpa / released_mpa * (params.wall_mm / RELEASED.wall_mm) ** 2
+    least_g, most_g = (
+        min(max(float(f"{1000 * part * range_n / GRAVITY_M_S2:.2g}"), LEAST_G), MOST_G) for part in WEIGHED_PARTS
+    )
+    return f"{least_g:.0f} to {most_g:.0f} g"

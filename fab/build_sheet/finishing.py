@@ -13,7 +13,7 @@ from cad.pattern import step_deg
 from cad.robot_sides import robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command
+from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command, weights_g
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import SCALE_LINE_MM, first_light, gores, repeat_deg, ruler
 from fab.build_sheet.steps import stage_blocks, steps
@@ -280,4 +280,18 @@ def _first_run(data: SheetData) -> list[Block]:
             'Neither reads camera.json by itself. To use it, write camera = "camera.json" under [[endcap]] in '
             "endcaps.toml."
         ),
+        *_weighing(weights_g(params, material)),
     ]  # fmt: skip
+
+
+def _weighing(weights: str) -> list[Block]:
+    """Last step of the first run: known weights correct the forces for the silicone that was cast."""
+    return [
+        Paragraph(
+            "Silicone differs from batch to batch, and no picture shows how stiff yours is. Correct the forces with "
+            f"two known weights of {weights}. Stand the endcap upright on a level table, with nothing on it. Each "
+            "weight presses on the dome through a flat plate; put weight and plate on a scale together. The command "
+            "asks for one after the other:"
+        ),
+        Paragraph(f"{camera_setting()}{INTERPRETER} -m sensing.weigh --config endcaps.toml"),
+    ]

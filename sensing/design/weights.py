@@ -32,6 +32,7 @@ from sensing.simulator.similarity.paths import library_paths
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.wrench.model import WrenchModel
+from sensing.wrench.weight_files import BY_SIMILARITY, MADE_BY
 
 AZIMUTHS, PICTURE_AZIMUTHS = 8, 1  # of every state: for training; in pictures that scale the covariance
 Say = Callable[[str], None]
@@ -117,5 +118,5 @@ def design_weights(
         say("training")
         model = fit(samples, config, pictures=pictured)
         model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))
-    about = {"silicone": request.silicone, "made_by": "similarity", "range_n": round(request.scale.top_n, 3)}
+    about = {"silicone": request.silicone, MADE_BY: BY_SIMILARITY, "range_n": round(request.scale.top_n, 3)}
     return replace(model, about=model.about | about)

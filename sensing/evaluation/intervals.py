@@ -37,8 +37,8 @@ from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
 from sensing.wrench.model import WrenchModel
 from sensing.wrench.range import NORMAL_95
-from sensing.wrench.simulation_spread import SIMULATED
 from sensing.wrench.tensors import TRACKING, onset_n_of
+from sensing.wrench.weight_files import SIMULATED
 
 Array = NDArray[np.float64]
 LEVEL = 0.95  # part of the errors that an interval covers

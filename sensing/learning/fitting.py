@@ -35,11 +35,11 @@ from sensing.learning.principal import leading, pattern_tensor, principal_fields
 from sensing.learning.provenance import provenance
 from sensing.learning.reference_loads import in_reference_loads, rescaled, wrench_scale
 from sensing.learning.ridge import UNITS
-from sensing.learning.samples import MARKERS, Samples
+from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import WrenchModel, tolerance
 from sensing.wrench.range import NORMAL_95
-from sensing.wrench.simulation_spread import SIMULATED
+from sensing.wrench.simulation_spread import SIMULATED, are_simulated
 from sensing.wrench.tensors import RADIAL
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def fit(
     _calibrate(net, [view for view in (pictures, samples) if view is not None], calibration.path)
     about = {
         "training": origin,
-        SIMULATED: samples.method == MARKERS,
+        SIMULATED: are_simulated(origin["paths"]),
         "metrics": {"validation_rmse": _rmse(net, validation, unit), "calibration_rmse": _rmse(net, calibration, unit)},
     }
     weights = _tensors(net, train, start)

@@ -20,10 +20,9 @@ from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
 from sensing.records import Frame
-from sensing.records_labelled import LabelledSet
+from sensing.records_labelled import RECORDED, LabelledSet
 from sensing.tracking.tracker import DotTracker
 
-RECORDED = "recorded"  # protocol of sets that sensing.record wrote
 FRAME_PX = (640, 480)  # width and height of the calibrated pictures
 PAINT_PX = 1.2  # error of a painted dot's place along each axis (M: docs/optics.md, 1.6 to 2 px of distance, rms)
 

@@ -24,7 +24,7 @@ from cad.params import EndcapParams
 from cad.whole_file import hold_lock, replace_file
 from sensing.frames import FtMount
 from sensing.records import Frame
-from sensing.records_labelled import COLUMNS, read_shard, shard_files
+from sensing.records_labelled import COLUMNS, RECORDED, read_shard, shard_files
 from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.tracking.zero import Zero
 
@@ -147,7 +147,7 @@ class Recording:
     def _manifest(self, made_of: Identity) -> None:
         params = made_of.design
         wanted = {
-            "diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "protocol": "recorded",
+            "diameter_mm": params.diameter_mm, "wall_mm": params.wall_mm, "protocol": RECORDED,
             "T_endcap_ft": np.asarray(self._mount.T_endcap_ft).tolist(), "reads": self._mount.reads,
         }  # fmt: skip
         if (self.folder / "manifest.json").exists():

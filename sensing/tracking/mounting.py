@@ -154,7 +154,8 @@ class MountingWatch:
 
     A touch hides it, so the last picture without one counts until the next. Only a knock shows under a touch: all dots
     move as one from one picture to the next and are still there in the one after it. Of what a press changes from one
-    picture to another the camera's fit leaves 0.29 and more (12,696 changes along the library's paths, five designs). A
+    picture to another the camera's fit leaves 0.29 and more (12,696 changes along the library's paths, five designs).
+    Until the second of the two confirms it the first is in doubt: its camera was knocked, or it alone is shifted. A
     picture says nothing while most dots are hidden: few dots move as one beside any touch. The dots are those of one
     reference.
 
@@ -165,11 +166,13 @@ class MountingWatch:
 
     Attributes:
         reason: says so, and what to do; empty where nothing has moved.
+        doubt: what is wrong with the last picture, if the next one does not show otherwise; else empty.
         motion: what the last picture's dots have in common; None where under four of them are seen.
     """
 
     def __init__(self, params: EndcapParams | None = None, reason: str = "", error_px: float = 0.0) -> None:
         self.reason, self._params, self._error_px = reason, params, error_px
+        self.doubt = ""
         self.motion: CommonMotion | None = None
         self._motions: CameraMotions | None = None
         self._last: DotTracks | None = None  # the picture before this one
@@ -186,6 +189,7 @@ class MountingWatch:
         if self._motions is None:
             self._motions = CameraMotions.of(tracks.reference_px, tracks.size, self._params)
         motion = self.motion = common_motion(tracks, motions=self._motions, error_px=self._error_px)
+        self.doubt = ""
         if motion is None or not tracks.enough:
             return
         knocked = self._knocked(tracks, own_weight)
@@ -195,6 +199,8 @@ class MountingWatch:
                     "camera or lens have moved under the touch (all dots as one from one picture to the next): zero "
                     "again when untouched"
                 )
+            elif self._before is not None:
+                self.doubt = "all dots moved as one within one picture: waiting for the next to show whether they stay"
             return
         self.reason = ""
         turned = own_weight is not None and (own_weight.explains or own_weight.left_px <= ALIKE * motion.residual_px)

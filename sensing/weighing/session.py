@@ -17,12 +17,13 @@ import numpy as np
 from cad.errors import EndcapError, ParameterError
 from cad.messages import transient
 from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.first_reference import without_reference
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.at_rest import Rest, RestWatch
 from sensing.weighing.gain import Pose, WeighingError, fit_gain, pose_gain, require_unit
 from sensing.weighing.words import PoseRequest, parse_weight_g
 
-ZERO_S, REST_S = 20.0, 15.0  # longest waits for a reference, and for rest
+REST_S = 15.0  # longest wait for rest
 POLL_S = 0.1  # s between looks at the readings
 GRAVITIES_M_S2 = (9.76, 9.84)  # range of gravity on the Earth's surface
 Ask = Callable[[str], str]
@@ -119,8 +120,8 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 request = terms.request(word)
                 ask(f"  load it with {request.name}, let it stand still, then press Enter ")
                 listener.anew()
-                loaded = _await(listener, RestWatch.pressed, "under the load").less(untouched)
-                pose = made_pose(request, loaded, terms.gravity_m_s2)
+                pressed = _await(listener, RestWatch.pressed, "under the load")
+                pose = made_pose(request, pressed.less(untouched), terms.gravity_m_s2)
                 require_unit(pose)
                 if len(poses) > 1:
                     fit_gain([*poses, pose])
@@ -129,7 +130,10 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 continue
             poses.append(pose)
             gain, sd = pose_gain(pose)
-            say(f"  the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: gain {gain:.3f} ± {sd:.3f}")
+            say(
+                f"  the endcap reads {pose.reading_n:.2f} N, {pose.weight_n:.2f} N press: gain {gain:.3f} ± {sd:.3f}"
+                f"{pressed.note}"
+            )
 
 
 def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
@@ -152,13 +156,9 @@ def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
 
 
 def _await_reference(endcap: LiveEndcap) -> None:
-    end_s = time.monotonic() + ZERO_S
-    while endcap.pipeline.zero is None:
-        if time.monotonic() > end_s:
-            raise WeighingError(
-                f"{endcap.name}: not zeroed in {ZERO_S:.0f} s: {endcap.health.message or 'no frame came'}"
-            )
-        time.sleep(POLL_S)
+    why = without_reference(endcap)
+    if why:
+        raise WeighingError(f"{endcap.name}: {why}")
 
 
 def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:

@@ -18,6 +18,8 @@ from cad.params import EndcapParams
 from sensing.interpreter import typed_command
 
 FORMAT = "endcap-wrench-2"
+SIMULATED = "simulated"  # key of what weights state of themselves: no frame of their training was real
+MADE_BY, BY_SIMILARITY = "made_by", "similarity"  # another; its value for weights from the library of solved states
 SHIPPED = Path(__file__).parents[1] / "weights"
 
 
@@ -92,7 +94,7 @@ def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
             strange = [f"{name} of {tensor.dtype}" for name, tensor in tensors.items() if tensor.dtype.kind not in "fu"]
             if strange:  # other libraries teach numpy types that it does not compute with
                 raise ValueError(strange[0])
-            return tensors, json.loads(extra["about"])
+            return tensors, _corrected(json.loads(extra["about"]))
     except FileError:
         raise
     except OSError as error:
@@ -104,6 +106,13 @@ def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
                 "sensing.train (.safetensors) are meant: python -m sensing.live takes it with --model paper"
             ) from error
         raise FileError(f"{path}: damaged weights ({error}): train again") from error
+
+
+def _corrected(about: Any) -> Any:
+    """Metadata of a file; weights by similarity made before 29 November 2026 state that they saw a real frame."""
+    if isinstance(about, dict) and about.get(MADE_BY) == BY_SIMILARITY:
+        return {**about, SIMULATED: True}
+    return about
 
 
 def _is_checkpoint(path: Path) -> bool:

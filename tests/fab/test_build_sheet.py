@@ -99,7 +99,7 @@ def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sen
     assert "released sensor: 92" in str(light_check(data)) and "ENDCAP_CAMERA" not in str(light_check(data))
     monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
     text = str(light_check(data))
-    assert text.count("ENDCAP_CAMERA=ELP-USBFHD01M-L170 .venv/bin/python -m ") == 3
+    assert text.count("ENDCAP_CAMERA=ELP-USBFHD01M-L170 .venv/bin/python -m ") == 4
     assert "released sensor: 92" not in text
     assert make_command("slice", data).startswith("ENDCAP_CAMERA=ELP-USBFHD01M-L170 make slice D=130 T=8")
 

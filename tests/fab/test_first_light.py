@@ -16,6 +16,7 @@ from cad.params import EndcapParams
 from fab.build_sheet import finishing
 from fab.build_sheet.blocks import Drawing, Paragraph, Step, Table
 from fab.build_sheet.casting import silicone
+from fab.build_sheet.commands import weights_g
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import first_light
 from fab.build_sheet.finishing import edge_words, light_check, painting
@@ -27,7 +28,9 @@ from fab.recipe import overflow_of, recipe
 from fab.steps.endcap import all_steps
 from fab.supplies import supply_lines
 from sensing.calibration.picture import draw_fit
+from sensing.design.weights import DesignRequest
 from sensing.sources.__main__ import main as sources
+from sensing.weighing import words as weighing
 
 PARAMS = EndcapParams(142.0, 7.5)
 
@@ -175,3 +178,26 @@ def test_of_equal_lines_of_dots_one_is_chosen_and_marked(rings, words):
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     assert "Azimuth counts clockwise as you look into the dome, print toward you" in text
     assert "azimuth counts clockwise, as on the gores" in sheet(params)[0]
+
+
+@pytest.mark.parametrize(
+    ("size", "cast_of", "words"),
+    [
+        ((130.0, 8.0), "Smooth-Sil 950", "540 to 2500 g"),
+        ((107.0, 7.3), "Dragon Skin 30", "220 to 1000 g"),
+        ((212.0, 6.5), "Ecoflex 00-30", "20 to 96 g"),
+        ((250.0, 25.0), "Smooth-Sil 950", "5200 to 6000 g"),
+    ],
+)
+def test_the_weights_that_correct_the_forces_are_those_of_this_endcaps_range(size, cast_of, words):
+    """A sheet for softer silicone ended with forces that were off by the difference of its batch, and no word of it."""
+    params = EndcapParams(*size)
+    assert weights_g(params, cast_of) == words
+    range_g = 1000 * DesignRequest(params, cast_of).scale.top_n / weighing.GRAVITY_M_S2
+    for part, grams in zip((0.15, 0.7), map(float, re.findall(r"\d+", words)), strict=True):
+        assert grams == pytest.approx(min(max(part * range_g, weighing.LEAST_G), weighing.MOST_G), rel=0.05)
+
+
+def test_the_last_command_of_the_sheet_corrects_the_forces():
+    text, _ = sheet()
+    assert text.endswith("-m sensing.weigh --config endcaps.toml") and weights_g(PARAMS, "Smooth-Sil 950") in text

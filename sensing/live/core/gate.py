@@ -91,6 +91,7 @@ class Gate:
             self._held_n = None
             return Verdict(Event.UNSEEN, blind)
         worst = 1.0 if tracks is None else float(np.where(tracks.lost, 0.0, tracks.quality).min())
+        count = 0 if tracks is None else int(disturbed_dots(tracks, estimate.force_n, self._load_scale).sum())
         torn = 0.0 if tracks is None else torn_row(tracks)
         expected = predict() if torn or worst < SURE else None
         if torn and expected is None:
@@ -98,12 +99,10 @@ class Gate:
             return Verdict(Event.UNSEEN, f"{_torn(torn)}; no picture before it says what it would show")
         held = not torn and worst < SURE and self._is_step(estimate.force_n, expected)
         self._held_n = np.array(estimate.force_n) if held else None
-        clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N / self._load_scale * float(np.linalg.norm(estimate.force_n)))
         flags = estimate.flags
         reasons = [f"the model flags {', '.join(sorted(flags))}"] if flags else []
-        if tracks is not None and worst < clear:
+        if tracks is not None and count:
             flags |= {DISTURBED}
-            count = int((tracks.lost | (tracks.quality < clear)).sum())
             reasons.append(
                 f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?"
             )
@@ -123,6 +122,18 @@ class Gate:
         if step_n <= STEP_N * self._load_scale + STEP_OF_FORCE * float(np.linalg.norm(predicted_n)):
             return False
         return self._held_n is None or float(np.linalg.norm(force_n - self._held_n)) > step_n / 2
+
+
+def disturbed_dots(tracks: DotTracks, force_n: NDArray[np.float64], load_scale: float) -> NDArray[np.bool_]:
+    """(n,) whether a dot is lost, or looks otherwise than in the reference by more than a press explains.
+
+    Args:
+        tracks: dots of the frame.
+        force_n: (3,) estimate of the frame, N.
+        load_scale: scale of the endcap's forces.
+    """
+    clear = max(LEAST_CLEAR, CLEAR - CLEAR_PER_N / load_scale * float(np.linalg.norm(force_n)))
+    return np.asarray(tracks.lost | (tracks.quality < clear))
 
 
 def torn_row(tracks: DotTracks) -> float:

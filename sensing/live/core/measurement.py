@@ -20,7 +20,7 @@ from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.config import SUBTRACTED, EndcapConfig
-from sensing.live.core.gate import DISTURBED, Gate, Verdict, likeness, small_picture
+from sensing.live.core.gate import DISTURBED, UNCONFIRMED, Gate, Verdict, likeness, small_picture
 from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.load_watch import FLAG as ZEROED_UNDER_LOAD
 from sensing.live.core.load_watch import LoadWatch
@@ -175,7 +175,10 @@ class Measurement:
         return self._stiffness.applied(estimate)
 
     def _of_reference(self, verdict: Verdict, tracks: DotTracks | None) -> Verdict:
-        """The verdict with the flags of the reference and its camera, and of a movement of the camera since."""
+        """The verdict with the flags of the reference and its camera, and of a movement of the camera since.
+
+        The filter leaves out a picture in which the camera may have been knocked, as it does any unconfirmed step.
+        """
         if tracks is not None:
             self._mounting.update(tracks, self._own_weight)
         if verdict.event not in MEASURED:
@@ -185,13 +188,14 @@ class Measurement:
         misfit = "" if check is None or not flags else check.reason
         watched = {
             MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason, COMPRESSED: self._still.reason,
+            UNCONFIRMED: self._mounting.doubt,
         }  # fmt: skip
         flags |= {flag for flag, reason in watched.items() if reason}
         if not flags:
             return verdict
         return replace(
             verdict, event=Event.FLAGGED, reason="; ".join(filter(None, [verdict.reason, misfit, *watched.values()])),
-            flags=verdict.flags | flags,
+            flags=verdict.flags | flags, held=verdict.held or bool(self._mounting.doubt),
         )  # fmt: skip
 
     def _predicted_n(self, time_s: float) -> NDArray[np.float64] | None:

@@ -52,6 +52,7 @@ class EndcapPipeline:
     Attributes:
         outcome: event and reason of the last frame; None for one that came late.
         faults: number of frames that could not be used.
+        taker: takes its references.
         epoch: see :class:`sensing.live.core.reading.EndcapReading`.
     """
 
@@ -68,7 +69,7 @@ class EndcapPipeline:
         self.outcome: tuple[Event, str] | None = None
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera, endcap.identity)
         most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain).on_n
-        self._taker = ReferenceTaker(
+        self.taker = ReferenceTaker(
             endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n, endcap.gain
         )
         self._cameras: dict[str, RestCamera] = {}
@@ -83,7 +84,7 @@ class EndcapPipeline:
             self.set_zero(zero)
         else:
             self._begin()
-            self._taker.ask()
+            self.taker.ask()
 
     # --- called from any thread -----------------------------------------------------------------------------------
     @property
@@ -106,15 +107,15 @@ class EndcapPipeline:
     @property
     def note(self) -> str:
         """Result of the last request or incident; after some seconds the fault of the camera, if there is one."""
-        if self._used is not None and self._taker.collecting:
-            return self._taker.reason
+        if self._used is not None and self.taker.collecting:
+            return self.taker.reason
         lasting = "" if self._check is None else self._check.message
         return self._note if time.monotonic() < self._note_until_s and self._note else lasting
 
     @property
     def confirmable(self) -> bool:
         """Whether the last request for a reference was refused because of a press."""
-        return self._taker.pressed
+        return self.taker.pressed
 
     @property
     def undoable(self) -> bool:
@@ -134,15 +135,15 @@ class EndcapPipeline:
         if self.zero_frames == 0:
             return self._say("not zeroed: a replay keeps the references of its recording")
         if not confirmed and contact is not None and contact.known and contact.touching:
-            self._taker.pressed = True
+            self.taker.pressed = True
             return self._say(f"not zeroed: touched with {contact.force_n:.1f} N; let it go and zero again, or confirm")
         self._say("")  # the next note is the answer
-        self._taker.ask(confirmed)
+        self.taker.ask(confirmed)
         return ""
 
     def request_undo(self) -> str:
         """Return to the last reference, or cancel a request in progress; returns the reason of a refusal, or ""."""
-        if self._used is not None and self._taker.cancel():
+        if self._used is not None and self.taker.cancel():
             return self._say("")
         if self._before is None:
             return self._say("no earlier reference to go back to")
@@ -155,11 +156,11 @@ class EndcapPipeline:
 
     def stop(self) -> None:
         """Cancel requests for references, and accept no more."""
-        self._taker.stop()
+        self.taker.stop()
 
     def close(self, wait_s: float = 5.0) -> None:
         """Stop, and wait at most ``wait_s`` for a reference in progress: its thread runs compiled code."""
-        self._taker.close(wait_s)
+        self.taker.close(wait_s)
 
     # --- called from the thread of the loop -----------------------------------------------------------------------
     def update(self, frame: Frame, captured_s: float | None = None) -> EndcapReading | None:
@@ -170,7 +171,7 @@ class EndcapPipeline:
             captured_s: capture time on this run's clock; None where it is the frame's own time.
         """
         refused, frame = self._take_over(), sized(frame)
-        self._taker.offer(frame, self.zero)
+        self.taker.offer(frame, self.zero)
         if self.zero_frames == 1:
             refused = self._take_over() or refused
         if self._measurement is None:
@@ -259,10 +260,10 @@ class EndcapPipeline:
     def _take_over(self) -> str:
         """Carry out requests between two frames; returns why the first reference was refused, or ""."""
         try:
-            made = self._taker.take()
+            made = self.taker.take()
         except EndcapError as error:
             if self._used is None:
-                self._taker.ask_again()
+                self.taker.ask_again()
                 return str(error)
             self._say(f"not zeroed: {error}")
             return ""

@@ -97,6 +97,12 @@ class ReferenceTaker:
         request = self._request
         return request is not None and len(request.frames) < self._count
 
+    @property
+    def computing(self) -> bool:
+        """Whether all frames of a request have come and it is not answered yet."""
+        request = self._request
+        return request is not None and 0 < self._count <= len(request.frames)
+
     def ask(self, confirmed: bool = False) -> None:
         """Begin with the next frame (any thread); ``confirmed`` takes it whatever it looks like.
 

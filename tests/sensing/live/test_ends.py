@@ -64,7 +64,7 @@ def test_a_reference_that_is_being_prepared_is_waited_for(monkeypatch):
     halted.set()
     engine.close(PATIENCE_S)
     assert ended == [3]  # the first is waited for; the second, not yet begun, is left out
-    makers = [endcap.pipeline._taker._thread for endcap in endcaps]
+    makers = [endcap.pipeline.taker._thread for endcap in endcaps]
     assert not any(maker is not None and maker.is_alive() for maker in makers)
 
 

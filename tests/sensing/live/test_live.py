@@ -87,14 +87,14 @@ def test_zeroing_waits_for_rest_and_keeps_the_old_reference_when_touched(press):
     rest = frames(press[:12] * 4)
     assert pipe.update(rest[0]) is None and pipe.outcome == (Event.COLLECTED, "leave it untouched")
     assert [pipe.update(f) for f in rest[1:10]] == [None] * 9
-    wait_for(lambda: pipe._taker._made is not None)
+    wait_for(lambda: pipe.taker._made is not None)
     first = pipe.update(rest[10])
     assert first is not None and first.zero.frames == 10
     pipe.request_zero()
     moving = film([0, 0.5, 1.0, 0.5] * 3)
     for k, jpeg in enumerate(moving[:10]):
         pipe.update(Frame(200 + k / 30, k, "test", jpeg=jpeg, size=(640, 480)))
-    wait_for(lambda: pipe._taker._made is not None)
+    wait_for(lambda: pipe.taker._made is not None)
     later = pipe.update(Frame(201, 12, "test", jpeg=press[0], size=(640, 480)))
     assert later.zero is first.zero and "not zeroed" in pipe.note
 

@@ -213,8 +213,8 @@ def test_a_zero_is_answered_when_it_is_taken(monkeypatch):
     assert said == []
     for frame in rest[4:]:
         pipe.update(frame, time.monotonic())
-        pipe._taker.close(PATIENCE_S)  # the reference is made in a thread of its own
-        pipe._taker._stopped = False
+        pipe.taker.close(PATIENCE_S)  # the reference is made in a thread of its own
+        pipe.taker._stopped = False
     topics._services._look()
     assert pipe.zero is not before and [(a.guid, a.seq, a.success) for a in said] == [(1, 2, True)]
 

@@ -50,8 +50,8 @@ class Hand:
 def quick(monkeypatch):
     monkeypatch.setattr(setup, "REST_S", 1.0)
     monkeypatch.setattr("sensing.wrench.contact.LEAST_TAIL", 2)  # a threshold of fewer frames: test_contact has all
-    for name in ("ZERO_S", "TOUCH_S"):  # patience only: each wait ends with what it waits for
-        monkeypatch.setattr(setup, name, 180.0)
+    for name in ("sensing.live.core.first_reference.ZERO_S", "sensing.setup.TOUCH_S"):
+        monkeypatch.setattr(name, 180.0)  # patience only: each wait ends with what it waits for
 
 
 def config(count: int) -> LiveConfig:

@@ -35,14 +35,14 @@ def zeroed(press: list[bytes]):
         return reading
 
     feed(press[0], 10)
-    wait_for(lambda: pipe._taker._made is not None)
+    wait_for(lambda: pipe.taker._made is not None)
     return pipe, feed
 
 
 def settle(pipe, feed, jpeg: bytes) -> EndcapReading:
     """Frames until a reference that was asked for is made or refused."""
     feed(jpeg, 10)
-    wait_for(lambda: pipe._taker._made is not None)
+    wait_for(lambda: pipe.taker._made is not None)
     return feed(jpeg)
 
 

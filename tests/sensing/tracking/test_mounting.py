@@ -95,9 +95,11 @@ def test_a_knock_under_a_touch_is_known_once_the_next_picture_confirms_it(size_p
     for high_px, knocked in ((0.0, 0), (2.0, 0), (3.0, 1), (3.2, 0), (3.3, 0), (5.0, 0), (4.0, 0), (4.05, 1)):
         watch.update(tracks(lambda arm, high=high_px, at=knocked: bump(high)(arm) + at * knock))
         assert watch.reason == ""  # neither a press nor a picture that is shifted alone
+        assert knocked or not watch.doubt
+    assert watch.doubt  # the last one, until the next shows that it was not alone
     for high_px in (next_px, 4.3, 2.0):
         watch.update(tracks(lambda arm, high=high_px: bump(high)(arm) + knock))
-        assert "moved under the touch" in watch.reason
+        assert "moved under the touch" in watch.reason and watch.doubt == ""
     watch.update(tracks(similarity()))
     assert watch.reason == ""
 
@@ -207,6 +209,21 @@ def test_live_flags_a_knocked_camera_and_a_warm_lens_and_goes_on_to_under_a_touc
         assert flagged == [True, True, True, False, False]
         assert not any("moved" in r.wrench.flags for r in found[:-5])
         assert "camera or lens have moved" in found[-4].reason
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_the_first_picture_after_a_knock_under_a_touch_waits_for_the_next(stays):
+    """It was taken for a step of the force, without a flag; so was a single picture that is shifted."""
+    pressed, knocked = (warp_image(REST, Displacement(shift, bumps=PUSH.bumps)) for shift in ((0.0, 0.0), (0.6, -0.3)))
+    shown = [*[REST] * 12, *[pressed] * 4, knocked, *([knocked] * 2 if stays else [pressed] * 2)]
+    *_, before, first, second, third = [r for r in map(pipeline().update, frames(jpegs(*shown))) if r is not None]
+    assert "unconfirmed" in first.wrench.flags and "waiting for the next" in first.reason
+    assert np.abs(first.wrench.force_n - before.wrench.force_n).max() < 0.1 * np.abs(
+        first.estimate.force_n - before.estimate.force_n
+    ).max()
+    for reading in (second, third):
+        assert ("moved" in reading.wrench.flags) is stays and "unconfirmed" not in reading.wrench.flags
+    assert before.wrench.flags.isdisjoint({"unconfirmed", "moved"})
 
 
 def test_live_does_not_call_a_press_a_moved_camera():

@@ -10,10 +10,11 @@ from sensing.wrench.model import load_wrench_model
 from sensing.wrench.simulation_spread import (
     FORCE_SHARE,
     LEVER_M,
-    SIMULATED,
+    are_simulated,
     learned_from_simulation,
     simulation_spread,
 )
+from sensing.wrench.weight_files import BY_SIMILARITY, MADE_BY, SIMULATED
 
 
 def test_it_grows_with_the_load_and_is_nothing_without():
@@ -30,3 +31,17 @@ def test_only_weights_without_a_real_frame_are_widened():
     assert learned_from_simulation(shipped)
     assert not learned_from_simulation(replace(shipped, about={**shipped.about, SIMULATED: False}))
     assert not learned_from_simulation(object())
+
+
+def test_paths_of_recordings_are_real_and_all_others_simulated():
+    assert are_simulated(["wide-841-0", "library-0-1"])
+    assert not are_simulated(["wide-841-0", "recorded-841-0"])
+
+
+def test_weights_by_similarity_from_before_count_as_simulated(tmp_path):
+    """Files that users made for their sizes state that a real frame was among the training."""
+    shipped = load_wrench_model(EndcapParams(130, 8))
+    for made_by, found in ((BY_SIMILARITY, True), ("my script", False)):
+        path = tmp_path / f"{made_by}.safetensors"
+        replace(shipped, about={**shipped.about, SIMULATED: False, MADE_BY: made_by}).save(path)
+        assert learned_from_simulation(load_wrench_model(EndcapParams(130, 8), path)) is found

@@ -39,8 +39,9 @@ from sensing.learning.samples import Samples
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import WrenchModel, tolerance
 from sensing.wrench.range import NORMAL_95
-from sensing.wrench.simulation_spread import SIMULATED, are_simulated
+from sensing.wrench.simulation_spread import are_simulated
 from sensing.wrench.tensors import RADIAL
+from sensing.wrench.weight_files import SIMULATED
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sensing.records_labelled import RECORDED
 from sensing.wrench.model import WrenchModel
-from sensing.wrench.weight_files import SIMULATED as SIMULATED
+from sensing.wrench.weight_files import SIMULATED
 
 FORCE_SHARE = 0.004  # M: of the load, rms by which answers about our finest mesh are off (docs/foreign.md)
 LEVER_M = 0.22e-3  # M: by which the centre of pressure jumps on the mesh of the training (docs/contact.md)

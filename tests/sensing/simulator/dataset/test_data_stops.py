@@ -166,6 +166,17 @@ def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
     assert main(command) == 2 and "frames='12' is no count" in capsys.readouterr().err
 
 
+def test_a_corrupt_shard_beyond_the_frames_asked_for_is_one_line(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The frames asked for are there; the summary reads all shards, and ended in a traceback of zipfile."""
+    shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
+    shard_path(tmp_path, 1).write_bytes(shard_path(small_set, 1).read_bytes()[:-400])
+    command = ["data", "--frames", "6", "--density", "draft", "--protocol", "short", "--render", "draft"]
+    assert main([*command, "--azimuths", "2", "--out", str(tmp_path)]) == 2
+    assert "00001.npz: not a whole shard" in capsys.readouterr().err
+
+
 @pytest.mark.long
 def test_two_processes_give_the_same_shards(small_set: Path, tmp_path: Path) -> None:
     assert write_dataset(small_request(), tmp_path, workers=2) == 2

@@ -238,7 +238,7 @@ def _require_used(options: argparse.Namespace) -> None:
         "--cells-csv": options.cells_csv,
     }  # fmt: skip
     for name in (name for name, value in own.items() if value and not options.test):
-        raise ParameterError(f"{name} without test folders: --holdout, which fits all anew, has no use for it", name=name)
+        raise ParameterError(f"{name} without test folders: --holdout fits all anew; leave it out", name=name)
     if options.csv and options.cells_csv and os.path.abspath(options.csv) == os.path.abspath(options.cells_csv):
         raise ParameterError(f"--csv and --cells-csv are both {options.csv}: give them two names", name="csv")
 

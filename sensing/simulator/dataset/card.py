@@ -77,9 +77,9 @@ def _description(request: dict[str, Any]) -> str:
     pressed = body if body == "plane" else f"{body} (radius {request['radius_mm']:g} mm)"
     return (
         f"Simulated, labelled {what} of a visuotactile endcap ({design}), indenter {pressed}, protocol "
-        f"{request['protocol']}, seed {request['seed']}, sensor {request.get('sensor', 0)}: {seen}, wrench on the endcap "
-        "(N, N m, at the origin of its frame), contact, displacements of the dots. Shards are NumPy archives, a row a "
-        "frame; manifest.json names columns and options."
+        f"{request['protocol']}, seed {request['seed']}, sensor {request.get('sensor', 0)}: {seen}, wrench on the "
+        "endcap (N, N m, at the origin of its frame), contact, displacements of the dots. Shards are NumPy archives, a "
+        "row a frame; manifest.json names columns and options."
     )
 
 

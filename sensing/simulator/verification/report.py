@@ -108,7 +108,7 @@ def _read(path: Path) -> dict[str, str]:
     try:
         before, *parts = path.read_text(encoding="utf-8").split("\n## ")
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: cannot read the earlier report ({error}): choose another folder with --out") from error
+        raise FileError(f"{path}: cannot read ({error}): choose another folder with --out") from error
     strange = [part.split("\n", 1)[0] for part in parts if not part.startswith(ORDER)]
     if strange or not before.startswith(HEAD.split("\n", 1)[0]):
         said = f"its section {strange[0]!r}" if strange else "its first line"

@@ -198,11 +198,12 @@ def test_a_training_whose_last_steps_fail_is_not_lost(folders, tmp_path, capsys,
 
     out, epochs, save = tmp_path / "w.safetensors", [], WrenchModel.save
     learn = [str(folders[0]), "--out", str(out), "--method", "dots", "--epochs", "3"]
-    assert train.main([*learn, "--intervals", str(folders[1])]) == 2
-    assert "3 loading paths to calibrate intervals on" in capsys.readouterr().err
-    assert train.main([*learn, "--intervals", str(folders[0])]) == 2
-    assert "path static-1-0 of the interval data is one of training" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []  # refused before the training
+    with monkeypatch.context() as untrained:
+        untrained.setattr(fitting, "fit", lambda *_, **__: pytest.fail("trained before the refusal"))
+        assert train.main([*learn, "--intervals", str(folders[1])]) == 2
+        assert "3 loading paths to calibrate intervals on" in capsys.readouterr().err
+        assert train.main([*learn, "--intervals", str(folders[0])]) == 2
+        assert "path static-1-0 of the interval data is one of training" in capsys.readouterr().err
     descend = fitting._descend
     monkeypatch.setattr(fitting, "_descend", lambda *given: descend(*given[:6], lambda *_: epochs.append(1), given[7]))
 

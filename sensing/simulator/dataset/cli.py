@@ -110,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
     size = sum(path.stat().st_size for path in data.shards)
     lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
     paths, tilts = len(np.unique(data.column("path"))), data.column("tilt_deg")
-    at = f"{paths} paths at tilts {tilts.min():.0f} to {tilts.max():.0f} degrees"
+    low, high = round(tilts.min()), round(tilts.max())
+    at = f"{paths} paths at {f'tilt {low}' if low == high else f'tilts {low} to {high}'} degrees"
     show(f"{folder}: {len(data)} frames in {shards} ({written} written now), {at}, {size / 1e6:.0f} MB, {lost}")
     return 0

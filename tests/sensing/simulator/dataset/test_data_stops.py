@@ -154,7 +154,7 @@ def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
     command += ["--azimuths", "2", "--out", str(tmp_path)]
     asked = (small_set / "manifest.json").read_bytes()
     assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked
-    assert "12 frames in 2 shards (0 written now), 2 paths at tilts " in capsys.readouterr().out
+    assert "12 frames in 2 shards (0 written now), 2 paths at tilt" in capsys.readouterr().out
     assert (tmp_path / "croissant.json").exists()
     shard_path(tmp_path, 1).unlink()  # as if the larger one had been interrupted
     assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked

@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import os
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -56,10 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        if not options.test and not options.holdout:
-            raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
-        if options.holdout and not options.train:
-            raise ParameterError("--holdout parts the training data: give them with --train")
+        _require_used(options)
         for path in filter(None, (options.csv, options.cells_csv)):
             require_place(path)
         scores: dict[str, Score] = {}
@@ -77,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             show(f"\n{name}, by tilt of first contact and true force\n{cell_tables(found)}")
         if options.csv:
             _write_csv(options.csv, scores)
-        if options.cells_csv and by_cell:
+        if options.cells_csv:
             replace_file(options.cells_csv, cells_csv(by_cell))
     except EndcapError as error:
         LOG.error(f"sensing.evaluate: {error}")
@@ -99,7 +97,7 @@ def evaluate(
     """(scores by "model, what" on test folders, ours also by tilt and load); comparisons only with training data.
 
     Args:
-        tests: folders.
+        tests: folders; scores name them by their last parts, as many as make them differ.
         weights: file, or None for those that ship.
         train: folders the comparisons are fitted to.
         paper_epochs: of the paper's recipe.
@@ -108,7 +106,7 @@ def evaluate(
             learned from is not known, so that only ``train`` guards against testing on them.
 
     Raises:
-        ParameterError: test and training share a path, a pose or a picture.
+        ParameterError: test and training share a path, a pose or a picture; a folder that is given twice.
         FileError: what cannot be read.
     """
     network = None if model else _weights_for(LabelledSet(tests[0]), weights)
@@ -119,18 +117,18 @@ def evaluate(
     comparisons = {} if training is None else fitted(training, network, paper_epochs)
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
-    for folder in tests:
+    for folder, name in zip(tests, _names(tests), strict=True):
         fix = "make test frames of the endcap that the weights are for"
         made_for = None if network is None else network.identity
         require_same(folder, "test frames", LabelledSet(folder).identity, made_for, fix, MUST_AGREE)
         test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=live.radial)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
-        tables |= {f"{name}, {Path(folder).name}": cells(given, live.load_scale) for name, given in ours.items()}
-        answers: dict[str, Answer] = {name: _answer(given) for name, given in ours.items()}
-        answers |= {name: answer for name, answer in comparisons.items() if name != "ours"}
-        found |= _scores(answers, test, Path(folder).name, live.load_scale)
-        found |= {} if network is None else _filtered(network, test, LabelledSet(folder))
+        tables |= {f"{who}, {name}": cells(given, live.load_scale) for who, given in ours.items()}
+        answers: dict[str, Answer] = {who: _answer(given) for who, given in ours.items()}
+        answers |= {who: answer for who, answer in comparisons.items() if who != "ours"}
+        found |= _scores(answers, test, name, live.load_scale)
+        found |= {} if network is None else _filtered(network, test, LabelledSet(folder), name)
     return found, tables
 
 
@@ -139,13 +137,23 @@ def _weights_for(data: LabelledSet, weights: Path | None) -> WrenchModel:
     return load_wrench_model(data.params, weights, silicone=None if weights else data.silicone)
 
 
-def _filtered(network: WrenchModel, test: Views, data: LabelledSet) -> dict[str, Score]:
+def _names(tests: Sequence[Path | str]) -> list[str]:
+    """Names of the test folders in tables and files: two folders of one name must not replace one another there."""
+    parts = [Path(os.path.abspath(folder)).parts for folder in tests]  # of "." or "..", too
+    twice = next((str(folder) for folder, own in zip(tests, parts, strict=True) if parts.count(own) > 1), None)
+    if twice is not None:
+        raise ParameterError(f"test={twice} is given twice: its rows would be the same; give it once", name="test")
+    count = next(k for k in range(1, 1 + max(map(len, parts))) if len({own[-k:] for own in parts}) == len(parts))
+    return ["/".join(own[-count:]) for own in parts]
+
+
+def _filtered(network: WrenchModel, test: Views, data: LabelledSet, name: str) -> dict[str, Score]:
     """Filtered wrenches of moving contacts; between states at rest no time passes, so that they have none."""
     if not np.isin(test.dots.phase, MOVING).any() or not (data.column("latency_s") != 0).any():
         return {}
     cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))
     return {
-        f"ours + {case}, {data.folder.name}": filtered_score(network, test.dots, latency, predict=predict)
+        f"ours + {case}, {name}": filtered_score(network, test.dots, latency, predict=predict)
         for case, latency, predict in cases
     }
 
@@ -217,6 +225,22 @@ def _subsets(test: Samples) -> dict[str, NDArray[np.bool_]]:
     if len(kinds) > 1:
         parts |= {kind: np.isin(test.path, np.unique(test.path[test.phase == kind])) for kind in kinds}
     return parts
+
+
+def _require_used(options: argparse.Namespace) -> None:
+    """Refuse options that lack what they need, or that would do nothing."""
+    if not options.test and not options.holdout:
+        raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
+    if options.holdout and not options.train:
+        raise ParameterError("--holdout parts the training data: give them with --train")
+    own = {
+        "--weights": options.weights, "--model": options.model != "default", "--true-camera": options.true_camera,
+        "--cells-csv": options.cells_csv,
+    }  # fmt: skip
+    for name in (name for name, value in own.items() if value and not options.test):
+        raise ParameterError(f"{name} without test folders: --holdout fits all anew; leave it out", name=name)
+    if options.csv and options.cells_csv and os.path.abspath(options.csv) == os.path.abspath(options.cells_csv):
+        raise ParameterError(f"--csv and --cells-csv are both {options.csv}: give them two names", name="csv")
 
 
 def _refuse_leaks(model: WrenchModel | None, training: Samples | None, test: Samples) -> None:

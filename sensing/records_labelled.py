@@ -52,7 +52,7 @@ COLUMNS: dict[str, str] = {
     "torque_nm": "(3) on the endcap about its origin",
     "contact": "whether anything touches",
     "patch_mm2": "area in contact",
-    "slip_share": "share of the normal force on slipping points",
+    "slip_share": "share of the normal force on points that slipped since the state before",
     "residual": "force imbalance over the load (0 where a level gives none)",
     "dots_mm": "(d, 3) displacement of the dots",
     "dots_px": "(d, 2) where their ink is in the picture, NaN out of view",

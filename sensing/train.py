@@ -6,7 +6,7 @@
     python -m sensing.train --start default --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
     python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors      # own recording
 
-An interrupted run goes on when the same command is given again. Wrenches about the sphere's centre, N and N m.
+An interrupted training on folders goes on with the same command. Wrenches about the sphere's centre, N and N m.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error(f"sensing.train: {error}")
         return 2
     except KeyboardInterrupt:
-        LOG.error("\nsensing.train: stopped; the same command goes on from here")
+        again = "the same command goes on from here" if options.data else "nothing was written"
+        LOG.error(f"\nsensing.train: stopped; {again}")
         return 130
 
 
@@ -83,6 +84,10 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     radial = None if start is None else start.radial
     learnt = radial_tensors(options.data, shape) if radial is None else {}
     samples, pictures, others = _read(options, shape, radial_of(learnt) if radial is None else radial)
+    if options.intervals:
+        from sensing.evaluation.intervals import require_intervals, with_intervals
+
+        require_intervals(options.intervals, [part for part in (samples, others) if part], start, options.tilt_to)
 
     def progress(part: str, spent: float, error: float) -> None:
         transient(f"{part}: {spent:.0f} s, {error:.4f}")
@@ -91,10 +96,9 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     model = fit(samples, config, start, progress, kept, pictures, others)
     model = replace(model, weights=model.weights | learnt)
     if options.intervals:
-        from sensing.evaluation.intervals import with_intervals
-
         model = with_intervals(model, options.intervals, options.tilt_to)
     model.save(options.out)
+    kept.unlink(missing_ok=True)  # not before: without it a full disk, or a stop above, would cost the whole training
     rmse = model.about["metrics"]["validation_rmse"]
     said = ", ".join(f"{value:.3f}" for value in rmse[:3]), ", ".join(f"{value:.4f}" for value in rmse[3:])
     show(
@@ -277,15 +281,11 @@ def _add_fit(group: argparse._ArgumentGroup) -> None:
     plain = FitConfig()
     group.add_argument("--epochs", type=whole, default=plain.epochs, metavar="N", help=f"passes ({plain.epochs})")
     group.add_argument(
-        "--rate",
-        type=scientific,
-        default=plain.rate,
-        metavar="R",
+        "--rate", type=scientific, default=plain.rate, metavar="R",
         help=f"of learning, at first; less to fine-tune ({plain.rate:g})",
-    )
-    group.add_argument(
-        "--seconds", type=number, default=plain.seconds, metavar="S", help="stop after so long, if sooner"
-    )
+    )  # fmt: skip
+    seconds = "stop after so long, if sooner"
+    group.add_argument("--seconds", type=number, default=plain.seconds, metavar="S", help=seconds)
     group.add_argument("--cells", type=whole, default=SHAPE[0], metavar="N", help=f"field of N x N ({SHAPE[0]})")
     group.add_argument("--components", type=whole, default=plain.components, metavar="N", help="principal fields")
     group.add_argument("--hidden", type=whole, default=plain.hidden, metavar="N", help="width of the network")

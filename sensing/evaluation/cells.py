@@ -18,6 +18,11 @@ from sensing.wrench.range import NORMAL_95
 TILTS_DEG = (0.0, 15.0, 25.0, 35.0, 45.0, 55.0, 90.0)  # edges; the static protocol presses at 10, 20 ... 50
 LOADS_N = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0)  # edges of the true force's ranges, at D=130 T=8
 FAR_N = 1.0  # error of fz from which an answer without a flag is misleading, at D=130 T=8
+CSV_COLUMNS = (
+    "name", "tilt_from_deg", "tilt_to_deg", "load_from_n", "load_to_n", "frames",
+    *(f"{kind}_{axis}" for kind in ("rmse", "bias") for axis in AXES),
+    "coverage", "flagged", "far", "far_flagged", "centre_deg", "normal_deg",
+)  # fmt: skip
 LEAST_WIDTH = 13  # characters of a column of the tables
 
 
@@ -82,6 +87,8 @@ def cells(answers: LiveAnswers, load_scale: float = 1.0) -> list[Cell]:
 
 def cell_tables(found: list[Cell]) -> str:
     """Plain text: for each quantity a table, tilts down and loads across; a dash for no frames."""
+    if not found:
+        return "no frame in contact"
     tilts, loads = (list(dict.fromkeys(getattr(c, name) for c in found)) for name in ("tilt_deg", "load_n"))
     loads.sort()
     heads = [f"{low:g} to {high:g} N" for low, high in loads]
@@ -121,10 +128,10 @@ QUANTITIES: dict[str, Callable[[Cell], str]] = {
 
 
 def cells_csv(named: dict[str, list[Cell]]) -> bytes:
-    """All cells of several evaluations as CSV."""
+    """All cells of several evaluations as CSV; without any frame in contact the titles alone."""
     rows = [{"name": name, **cell.row()} for name, found in named.items() for cell in found]
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer = csv.DictWriter(stream, CSV_COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
     return stream.getvalue().encode()

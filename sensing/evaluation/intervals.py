@@ -21,18 +21,19 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.errors import ParameterError
-from cad.identity import MUST_AGREE, require_same
+from cad.errors import FileError, ParameterError
+from cad.identity import MUST_AGREE, Identity, require_same
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import camera_of_set
 from sensing.learning.path_quantile import path_quantile
+from sensing.learning.samples import Samples
 from sensing.live.core.model import live_model
 from sensing.records_labelled import LabelledSet
 from sensing.wrench.model import WrenchModel
@@ -63,21 +64,7 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
     answers = [a.take(~(a.tilt_deg > tilt_to_deg)) for a in (_judged(model, LabelledSet(folder)) for folder in folders)]
     path = np.concatenate([np.char.add(f"{k} ", a.path) for k, a in enumerate(answers)])
     names = sorted({str(name) for a in answers for name in a.path})
-    known = sorted(set(names) & set(model.about["training"]["paths"]))
-    if known:
-        raise ParameterError(
-            f"path {known[0]} of the interval data is one of training: intervals would be too narrow; make the set "
-            "with another --seed",
-            name="intervals",
-            value=known[0],
-        )
-    count = len(np.unique(path))
-    if count < FEWEST_PATHS:
-        raise ParameterError(
-            f"{count} loading paths to calibrate intervals on: give {FEWEST_PATHS} or more",
-            name="intervals",
-            value=count,
-        )
+    _require_paths(names, len(np.unique(path)), model.about["training"]["paths"])
     scale, tracking = widths(_joined(answers, path), onset_n_of(model.weights), LIGHT_N * model.load_scale)
     weights = {
         **model.weights,
@@ -94,6 +81,57 @@ def with_intervals(model: WrenchModel, folders: Sequence[str | Path], tilt_to_de
     # The limit applies to the network's own spread: frames flagged under the previous scale stay flagged.
     limits = replace(model.range, interval_n=model.range.interval_n * float(scale[:3].min()))
     return replace(model, weights=weights, range=limits, about={**model.about, "intervals": record})
+
+
+def require_intervals(
+    folders: Sequence[str | Path], seen: Sequence[Samples], start: WrenchModel | None, tilt_to_deg: float = 90.0
+) -> None:
+    """Refuse interval data before the training that they would be refused after, which can take hours.
+
+    Args:
+        folders: folders of rendered or recorded frames.
+        seen: samples of the training to come.
+        start: weights that are fine-tuned, or None.
+        tilt_to_deg: contacts further from the tip do not count, degrees.
+
+    Raises:
+        ParameterError, FileError: those of :func:`with_intervals` that need no answers.
+    """
+    named: list[str] = []
+    for folder in folders:
+        data = LabelledSet(folder)
+        _require_usable(data, seen[0].identity)
+        counts = data.column("contact").astype(bool) & ~(data.column("tilt_deg") > tilt_to_deg)
+        named += [data.path_name(int(number)) for number in np.unique(data.column("path")[counts])]
+    known = () if start is None else start.about.get("training", {}).get("paths", ())
+    _require_paths(named, len(named), {*known, *(str(name) for part in seen for name in part.path)})
+
+
+def _require_paths(names: Sequence[str], count: int, known: Collection[str]) -> None:
+    """Refuse paths of the training, and fewer paths than determine the level."""
+    shared = sorted(set(names) & set(known))
+    if shared:
+        raise ParameterError(
+            f"path {shared[0]} of the interval data is one of training: intervals would be too narrow; make the set "
+            "with another --seed",
+            name="intervals",
+            value=shared[0],
+        )
+    if count < FEWEST_PATHS:
+        raise ParameterError(
+            f"{count} loading paths to calibrate intervals on: give {FEWEST_PATHS} or more",
+            name="intervals",
+            value=count,
+        )
+
+
+def _require_usable(data: LabelledSet, made_for: Identity | None) -> None:
+    """Refuse a set that is not whole, has no pictures, or is of another endcap than the weights."""
+    data.require_whole()
+    fix = "make frames of the endcap that the weights are for"
+    require_same(data.folder, "interval data", data.identity, made_for, fix, MUST_AGREE)
+    if not data.has_pictures:
+        raise FileError(f"{data.folder}: holds no pictures (written with --render off): intervals need a set with them")
 
 
 def widths(answers: LiveAnswers, onset_n: float, light_n: float = LIGHT_N) -> tuple[Array, Array]:
@@ -130,9 +168,7 @@ def _joined(answers: Sequence[LiveAnswers], path: NDArray[np.str_]) -> LiveAnswe
 def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
     """Answers in contact within the model's range, whatever the width of their intervals before the scaling, without
     the additional variance for errors that simulated frames lack."""
-    data.require_whole()
-    fix = "make frames of the endcap that the weights are for"
-    require_same(data.folder, "interval data", data.identity, model.identity, fix, MUST_AGREE)
+    _require_usable(data, model.identity)
     weights = {name: value for name, value in model.weights.items() if name not in TRACKING}
     limits = replace(model.range, interval_n=math.inf)
     model = replace(model, weights=weights, range=limits, about={**model.about, SIMULATED: False})

@@ -1,6 +1,7 @@
 """State from which an interrupted training continues: one safetensors file beside the weights, whole or not at all.
 
-A checkpoint belongs to one set of samples and settings (its key) and is ignored for any other. Times in seconds.
+A checkpoint belongs to one set of samples and settings (its key) and is ignored for any other. It stays when the
+training is done, for the caller to remove once the weights are saved. Times in seconds.
 """
 
 from __future__ import annotations
@@ -92,13 +93,10 @@ class Checkpoint:
         self._write(tensors, about)
 
     def finish(self, stage: str, part: torch.nn.Module) -> None:
-        """Mark a stage as done, so that it is not trained again."""
+        """Mark a stage as done and write that at once, so that it is not trained again."""
         self._done |= {f"{stage} best {name}": value.clone() for name, value in part.state_dict().items()}
-
-    def remove(self) -> None:
-        """Remove the file after the training."""
         if self._path is not None:
-            self._path.unlink(missing_ok=True)
+            self._write({}, {})
 
     def _write(self, tensors: dict[str, torch.Tensor], about: dict[str, Any]) -> None:
         assert self._path is not None

@@ -71,6 +71,7 @@ def fit(
             trained further, with more principal fields where ``config`` has more.
         progress: called after each epoch with (part, seconds, error).
         checkpoint: file of the training's state; an interrupted training with the same samples and settings continues.
+            The caller removes it when the weights are saved.
         pictures: the same paths through the real tracker, if there are pictures; the covariance is then scaled on
             those of its calibration paths, because domain-randomised sensors lack some errors of real ones.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
@@ -98,7 +99,6 @@ def fit(
     _fit_spread(net, bent, [torch.cat(part) for part in zip(*seen, strict=True)], config, progress, kept)
     bent.into(net)
     net.cpu().eval()
-    kept.remove()
     _calibrate(net, [view for view in (pictures, samples) if view is not None], calibration.path)
     about = {
         "training": origin,

@@ -15,6 +15,7 @@ from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import DENSITIES
+from sensing.simulator.solid.shell import PLAIN
 
 PATIENCE_S = 3.0  # s; a press takes 2 s, and one that takes longer is announced
 
@@ -36,9 +37,9 @@ def _press(options: argparse.Namespace) -> int:
     geometry, law = shell_geometry(options.diameter, options.wall), silicone(options.silicone).neo_hooke()
     text = "pressing: half a minute more where the simulator must be compiled, once on this computer"
     with announced(text, PATIENCE_S):
-        state = Simulator(geometry, law, options.density, level=1).press(
+        state = Simulator(geometry, law, options.density, level=1, interlock=options.interlock).press(
             options.normal, options.tilt, (options.meridian, options.lateral),
-            friction=options.friction, kind=options.body, radius_mm=options.radius,
+            friction=options.friction, kind=options.body, radius_mm=options.radius, axis_deg=options.axis,
         )  # fmt: skip
     certificate = state.certificate
     assert certificate is not None
@@ -46,7 +47,7 @@ def _press(options: argparse.Namespace) -> int:
     force, torque = (" ".join(f"{value:9.4f}" for value in values) for values in (state.force_n, state.torque_nm))
     show(f"force       {force} N   (on the endcap, endcap frame)")
     show(f"torque      {torque} N m (about the centre of the mating plane)")
-    show(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipping")
+    show(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipped in the last step")
     show(
         f"certificate residual {certificate.residual:.1e}, clamp against tractions {certificate.wrench_gap:.1e}, "
         f"penetration {certificate.penetration_mm:.4f} mm, negative pivots {certificate.negative_pivots}, "
@@ -68,8 +69,13 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument("--meridian", type=number, default=0, help="tangential travel away from the tip, mm")
     press.add_argument("--lateral", type=number, default=0, help="tangential travel across, mm (needs the whole mesh)")
     press.add_argument("--friction", type=number, default=0.5, help="Coulomb coefficient (default 0.5)")
-    press.add_argument("--body", choices=known_kinds(), default="plane", help="what presses (default plane)")
-    press.add_argument("--radius", type=number, default=20, help="radius of sphere, edge or crest, mm")
+    press.add_argument(
+        "--indenter", "--body", dest="body", choices=known_kinds(), default="plane", help="what presses (default plane)"
+    )
+    press.add_argument("--radius", type=number, default=20, help="radius of sphere, edge or crest, mm (default 20)")
+    press.add_argument(
+        "--axis", type=number, default=90, help="direction of an edge from the meridian, degrees (default 90)"
+    )
     press.set_defaults(run=_press, stopped="stopped")
     data = commands.add_parser(
         "data",
@@ -95,6 +101,10 @@ def _shell_options(parser: argparse.ArgumentParser) -> None:
         default=DEFAULT_SILICONE,
         help=f"row of the table (default {DEFAULT_SILICONE})",
     )
+    parser.add_argument(
+        "--interlock", type=number, default=PLAIN, metavar="RATIO",
+        help="stiffness of the zone with TPU gyroid over the silicone's (default 1; Smooth-Sil 950: 1.49)",
+    )  # fmt: skip
     parser.add_argument("--density", default="data", help=f"mesh: {', '.join(DENSITIES)} (default data)")
 
 

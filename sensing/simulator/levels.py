@@ -49,6 +49,7 @@ from sensing.simulator.reduced.library_level import LibraryLevel
 from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import BulkStates, Scene, SceneState
 from sensing.simulator.shown import shown_mm
+from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
@@ -61,7 +62,7 @@ LEVELS = (1, 2, 3, 4)  # see the module's text
 RATE_LEVELS = (1, 2)  # levels with rate effects; the others are fitted to elastic states
 TOLERANCE = 1e-3  # of level 2, relative: residual over contact force
 MAX_TOLERANCE = 1e-2  # largest tolerance that is accepted
-STEP_N = 5.0  # N, load step of :meth:`Simulator.press`
+STEP_N = 5.0  # N, load step of :meth:`Simulator.press`; on a softer shell as much less as it bears
 Answer = Callable[[Target], SceneState]
 
 
@@ -129,7 +130,7 @@ class Simulator:
     def press(
         self, normal_n: float, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0), **scene: Any
     ) -> SceneState:
-        """One press from the untouched shell, in steps of about 5 N; steps that the mesh cannot resolve are skipped.
+        """One press from the untouched shell, in steps of 5 N or less; steps that the mesh cannot resolve are skipped.
 
         Args:
             normal_n: force along the inward normal at first touch, N.
@@ -142,7 +143,7 @@ class Simulator:
         """
         validity.require_pressable(self.geometry, normal_n, shift_mm)
         friction = float(scene.pop("friction", 0.5))
-        steps = max(1, round(normal_n / STEP_N))
+        steps = max(1, round(normal_n / (STEP_N * min(1.0, LoadScale.of(self.geometry, self.law.shear_mpa).force))))
         targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
         if any(shift_mm):
             targets.append(Target(normal_n=normal_n, shift_mm=shift_mm))

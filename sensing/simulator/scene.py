@@ -30,7 +30,7 @@ class SceneState:
         wrench: wrench on the endcap at its origin (6,), N and N mm.
         surface_mm: displacement at :attr:`sensing.simulator.levels.Simulator.surface` (k, 3), mm.
         patch_mm2: contact area of the whole shell, mm2.
-        slip_share: share of the normal force that slipping points carry; NaN at level 4.
+        slip_share: share of the normal force on points that slipped in the last load step; NaN at level 4.
         error_estimate: at levels 3 and 4 the expected relative rms error of the markers (level 3: against level 1 on
             the same mesh); at level 2 the certificate's residual, force imbalance over contact force, which is no error
             of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error

@@ -273,9 +273,21 @@ def test_the_card_names_every_file_with_its_digest(folder: Path) -> None:
     for name, digest in files.items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
     assert [entry["name"] for entry in card["variableMeasured"]] == list(COLUMNS)
+    assert "labelled frames" in card["description"] and "pictures (JPEG)" in card["description"]
     croissant = pytest.importorskip("mlcroissant")
     issues = croissant.Dataset(str(folder / "croissant.json")).metadata.issues
     assert not issues.errors
+
+
+def test_the_card_of_states_promises_no_pictures_and_names_the_columns_there_are(folder: Path) -> None:
+    request = CARD_MANIFEST["request"] | {"render": "off", "indenter": "sphere", "radius_mm": 15.0, "sensor": 7}
+    columns = COLUMNS | {"outline_mm": "motion of the outline"}
+    (folder / "manifest.json").write_text(json.dumps(CARD_MANIFEST | {"request": request, "columns": columns}))
+    write_card(folder)
+    card = json.loads((folder / "croissant.json").read_text())
+    assert "JPEG" not in card["description"] and "labelled states" in card["description"]
+    assert "sphere (radius 15 mm)" in card["description"] and "sensor 7" in card["description"]
+    assert [entry["name"] for entry in card["variableMeasured"]][-1] == "outline_mm"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -61,7 +61,8 @@ def write_card(folder: Path) -> None:
         "version": f"{manifest['format']}.0.0",
         "keywords": ["visuotactile sensor", "contact wrench", "simulation"],
         "variableMeasured": [
-            {"@type": "sc:PropertyValue", "name": name, "description": text} for name, text in COLUMNS.items()
+            {"@type": "sc:PropertyValue", "name": name, "description": text}
+            for name, text in manifest.get("columns", COLUMNS).items()
         ],
         "distribution": [_file(folder, path) for path in files if path.exists()],
     }
@@ -70,10 +71,15 @@ def write_card(folder: Path) -> None:
 
 def _description(request: dict[str, Any]) -> str:
     design = f"D = {request['diameter_mm']:g} mm, wall {request['wall_mm']:g} mm, {request['silicone']}"
+    pictured = request.get("render") != "off"
+    what, seen = ("frames", "pictures (JPEG)") if pictured else ("states", "no pictures, but the inner surface (mm)")
+    body = request.get("indenter", "plane")
+    pressed = body if body == "plane" else f"{body} (radius {request['radius_mm']:g} mm)"
     return (
-        f"Simulated, labelled frames of a visuotactile endcap ({design}), protocol {request['protocol']}, seed "
-        f"{request['seed']}: pictures (JPEG), wrench on the endcap (N, N m, at the origin of its frame), contact, "
-        "displacements of the dots. Shards are NumPy archives, a row a frame; manifest.json names columns and options."
+        f"Simulated, labelled {what} of a visuotactile endcap ({design}), indenter {pressed}, protocol "
+        f"{request['protocol']}, seed {request['seed']}, sensor {request.get('sensor', 0)}: {seen}, wrench on the "
+        "endcap (N, N m, at the origin of its frame), contact, displacements of the dots. Shards are NumPy archives, a "
+        "row a frame; manifest.json names columns and options."
     )
 
 

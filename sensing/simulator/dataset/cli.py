@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+
 from cad.messages import show
 from cad.typed_folder import EXPORTS
 from sensing.arguments import number, scientific, silicone_name, whole
@@ -107,5 +109,8 @@ def run(options: argparse.Namespace) -> int:
     shards = f"{there} shards" if there >= whole else f"{there} of {whole} shards of a larger set"
     size = sum(path.stat().st_size for path in data.shards)
     lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
-    show(f"{folder}: {len(data)} frames in {shards} ({written} written now), {size / 1e6:.0f} MB, {lost}")
+    paths, tilts = len(np.unique(data.column("path"))), data.column("tilt_deg")
+    low, high = round(tilts.min()), round(tilts.max())
+    at = f"{paths} paths at {f'tilt {low}' if low == high else f'tilts {low} to {high}'} degrees"
+    show(f"{folder}: {len(data)} frames in {shards} ({written} written now), {at}, {size / 1e6:.0f} MB, {lost}")
     return 0

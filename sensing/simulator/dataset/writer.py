@@ -25,7 +25,7 @@ from cad.errors import FileError, ParameterError
 from cad.identity import require_same
 from cad.messages import LOG, transient
 from cad.whole_file import hold_lock, put_file
-from sensing.records_labelled import shard_files
+from sensing.records_labelled import read_shard, shard_files
 from sensing.set_manifest import FORMAT, identity_of, read_manifest
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset.card import NAME as CARD
@@ -96,12 +96,12 @@ def shard_path(folder: Path, number: int) -> Path:
 
 
 def refusals(folder: Path) -> list[str]:
-    """One line for each state that the simulator refused, over all shards."""
-    lines: list[str] = []
-    for path in shard_files(folder):
-        with np.load(path, allow_pickle=False) as archive:
-            lines += archive["refusals"].tolist()
-    return lines
+    """One line for each state that the simulator refused, over all shards.
+
+    Raises:
+        FileError: a corrupt shard.
+    """
+    return [line for path in shard_files(folder) for line in read_shard(path, ("refusals",))["refusals"].tolist()]
 
 
 def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tuple[int, bytes]]:

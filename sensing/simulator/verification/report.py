@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cad.errors import EndcapError
+from cad.errors import EndcapError, FileError
 from cad.extras import program
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
 from cad.messages import LOG, show, transient
@@ -98,11 +98,22 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _read(path: Path) -> dict[str, str]:
-    """Sections of an earlier report: title -> body."""
+    """Sections of an earlier report: title -> body.
+
+    Raises:
+        FileError: a file of that name that is no such report; it is not overwritten.
+    """
     if not path.exists():
         return {}
-    parts = path.read_text(encoding="utf-8").split("\n## ")[1:]
-    return {"## " + part.split("\n", 1)[0]: part.split("\n", 1)[1].rstrip("\n") + "\n" for part in parts}
+    try:
+        before, *parts = path.read_text(encoding="utf-8").split("\n## ")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot read ({error}): choose another folder with --out") from error
+    strange = [part.split("\n", 1)[0] for part in parts if not part.startswith(ORDER)]
+    if strange or not before.startswith(HEAD.split("\n", 1)[0]):
+        said = f"its section {strange[0]!r}" if strange else "its first line"
+        raise FileError(f"{path}: not a report of this command ({said}): choose another folder with --out")
+    return {"## " + title: body.rstrip("\n") + "\n" for title, _, body in (part.partition("\n") for part in parts)}
 
 
 def _place(title: str) -> tuple[int, int, str]:

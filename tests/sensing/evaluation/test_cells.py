@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensing.evaluation.cells import LOADS_N, cell_tables, cells
+from sensing.evaluation.cells import CSV_COLUMNS, LOADS_N, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers
 
 
@@ -58,3 +58,12 @@ def test_what_is_far_off_goes_with_the_endcaps_forces():
     soft, hard = cells(answers(np.array([0.2, 0.3])), 0.04), cells(answers(np.array([5.5, 7.0])))
     assert (sum(cell.far for cell in soft), sum(cell.far for cell in hard)) == (2, 0)
     assert "off by 0.04 N, flagged" in cell_tables(soft) and "off by 1 N, flagged" in cell_tables(hard)
+
+
+def test_a_set_without_contact_has_empty_tables():
+    """Untouched recordings, and stands of a robot on no endcap: they ended in an IndexError."""
+    untouched = replace(answers(np.array([3.0, 7.0])), contact=np.full(2, False))
+    assert cells(untouched) == [] and cell_tables([]) == "no frame in contact"
+    assert cells_csv({"ours": []}).decode().strip() == ",".join(CSV_COLUMNS)
+    some = cells_csv({"ours": cells(answers(np.array([3.0])))}).decode().splitlines()
+    assert some[0] == ",".join(CSV_COLUMNS) and some[1].startswith("ours,25,35,0,5,1,")

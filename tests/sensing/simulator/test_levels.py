@@ -158,3 +158,30 @@ def test_a_press_that_takes_long_is_announced(
     monkeypatch.setattr("sensing.simulator.__main__.PATIENCE_S", 0.01)
     monkeypatch.setattr(Simulator, "press", slow)
     assert main(["press"]) == 130
+
+
+def test_a_softer_silicone_is_the_same_press_in_other_newtons(simulator: Simulator) -> None:
+    """Steps of 5 N were one step for all that Ecoflex bears: dots off by 1 %, torque of the other sign."""
+    soft = silicone("Ecoflex 00-30").neo_hooke()
+    ratio = soft.shear_mpa / LAW.shear_mpa
+    hard, other = simulator.press(10.0, 30.0), Simulator(GEOMETRY, soft, "draft", level=1).press(10.0 * ratio, 30.0)
+    assert other.depth_mm == pytest.approx(hard.depth_mm, rel=1e-6)
+    assert np.allclose(other.wrench / ratio, hard.wrench, atol=1e-5 * 10 * 65)
+
+
+def test_press_takes_the_bodies_and_the_interlock_as_data_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, object] = {}
+
+    def made(self: Simulator, *_: object, **options: object) -> None:
+        seen.update(options)
+
+    def pressed(self: Simulator, *_: object, **scene: object) -> None:
+        seen.update(scene)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Simulator, "__init__", made)
+    monkeypatch.setattr(Simulator, "press", pressed)
+    words = ["--indenter", "edge", "--radius", "8", "--axis", "25", "--interlock", "1.49"]
+    assert main(["press", *words]) == 130
+    assert seen == {"level": 1, "interlock": 1.49, "friction": 0.5, "kind": "edge", "radius_mm": 8.0, "axis_deg": 25.0}
+    assert main(["press", "--body", "sphere"]) == 130 and seen["kind"] == "sphere"

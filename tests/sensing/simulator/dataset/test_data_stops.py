@@ -154,7 +154,7 @@ def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
     command += ["--azimuths", "2", "--out", str(tmp_path)]
     asked = (small_set / "manifest.json").read_bytes()
     assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked
-    assert "12 frames in 2 shards (0 written now)" in capsys.readouterr().out
+    assert "12 frames in 2 shards (0 written now), 2 paths at tilt" in capsys.readouterr().out
     assert (tmp_path / "croissant.json").exists()
     shard_path(tmp_path, 1).unlink()  # as if the larger one had been interrupted
     assert main(command) == 0 and (tmp_path / "manifest.json").read_bytes() == asked
@@ -164,6 +164,17 @@ def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
         LabelledSet(tmp_path).require_whole()
     (tmp_path / "manifest.json").write_bytes(asked.replace(b'"frames": 12', b'"frames": "12"'))
     assert main(command) == 2 and "frames='12' is no count" in capsys.readouterr().err
+
+
+def test_a_corrupt_shard_beyond_the_frames_asked_for_is_one_line(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The frames asked for are there; the summary reads all shards, and ended in a traceback of zipfile."""
+    shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
+    shard_path(tmp_path, 1).write_bytes(shard_path(small_set, 1).read_bytes()[:-400])
+    command = ["data", "--frames", "6", "--density", "draft", "--protocol", "short", "--render", "draft"]
+    assert main([*command, "--azimuths", "2", "--out", str(tmp_path)]) == 2
+    assert "00001.npz: not a whole shard" in capsys.readouterr().err
 
 
 @pytest.mark.long

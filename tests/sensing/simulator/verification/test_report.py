@@ -48,3 +48,20 @@ def test_a_section_that_fails_costs_no_other(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(verify.SECTIONS, "contact", failed)
     assert verify.main(["--out", str(tmp_path), "--only", "solid", "contact"]) == 2
     assert list(verify._read(tmp_path / "verification.md")) == ["## The solid"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("# Notes\n\nOurs.\n\n## The solid\n\nmine\n", "its first line"),
+        (f"{verify.HEAD}\n## Wear\n\nmine\n", "its section 'Wear'"),
+        ("\xff", "cannot read"),
+    ],
+)
+def test_a_file_that_is_no_report_is_refused_before_anything_is_computed(tmp_path, monkeypatch, capsys, text, said):
+    path = tmp_path / "verification.md"
+    path.write_text(text, encoding="latin-1" if text == "\xff" else "utf-8")
+    before = path.read_bytes()
+    monkeypatch.setitem(verify.SECTIONS, "solid", lambda _: pytest.fail("computed"))
+    assert verify.main(["--out", str(tmp_path), "--only", "solid"]) == 2
+    assert said in capsys.readouterr().err and path.read_bytes() == before

@@ -58,8 +58,8 @@ class Patches:
     plain: NDArray[np.float32]
     energy: NDArray[np.float32]
 
-    def only(self, kept: NDArray[np.bool_]) -> Patches:
-        """Some of the windows; each was cut for itself."""
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Patches:
+        """Some of the windows, by a mask or their numbers; each was cut for itself."""
         return Patches(half=self.half, **{
             field.name: np.ascontiguousarray(getattr(self, field.name)[kept])
             for field in fields(self) if field.name != "half"
@@ -166,7 +166,7 @@ def _outside_of_ink(value: NDArray, half: int) -> NDArray:
 class _Fits(NamedTuple):
     """What is left of the slopes of the windows that are used, to be inverted for all at once."""
 
-    index: list[int]
+    numbers: list[int]
     pure: list[NDArray]  # (M, 2) of a shift
     bent: list[NDArray]  # (M, 4) of a stretch
 
@@ -178,7 +178,7 @@ def _prepare(
     root = np.sqrt(weight)[:, None]
     basis = np.empty((len(value), 6))
     basis[:, :3], basis[:, 3], basis[:, 4:] = ramps, value, gradient
-    fits.index.append(index)
+    fits.numbers.append(index)
     fits.pure.append(_project(gradient, np.ascontiguousarray(basis[:, :4]), root))
     bent = (gradient[:, :, None] * ramps[:, None, 1:]).reshape(-1, 4)
     fits.bent.append(_project(bent, basis, root))
@@ -193,15 +193,15 @@ def _prepare(
 
 def _invert(patches: Patches, weights: NDArray, fits: _Fits) -> None:
     """Fills descent and shear of the windows that are used."""
-    if not fits.index:
+    if not fits.numbers:
         return
-    weighed = [weights[index][:, None] for index in fits.index]
+    weighed = [weights[index][:, None] for index in fits.numbers]
     curvature = np.stack([pure.T @ (weight * pure) for weight, pure in zip(weighed, fits.pure, strict=True)])
     normal = np.stack([bent.T @ (weight * bent) for weight, bent in zip(weighed, fits.bent, strict=True)])
     damping = SHEAR_DAMPING * np.trace(normal, axis1=1, axis2=2) / 4
     shift = np.linalg.pinv(curvature, rcond=1e-6)
     stretch = np.linalg.pinv(normal + damping[:, None, None] * np.eye(4), rcond=1e-9)
-    for k, (index, weight) in enumerate(zip(fits.index, weighed, strict=True)):
+    for k, (index, weight) in enumerate(zip(fits.numbers, weighed, strict=True)):
         patches.rows[index, :2] = shift[k] @ (weight * fits.pure[k]).T
         patches.shear[index] = stretch[k] @ (weight * fits.bent[k]).T
 

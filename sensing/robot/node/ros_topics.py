@@ -4,7 +4,7 @@
     /robot/endcaps             geometry_msgs/PoseArray  centres of the endcaps' spheres, in the description's order
     /robot/estimate            std_msgs/String          the whole estimate as JSON
     /tf                        tf2_msgs/TFMessage       world to ``bar_NAME``
-    /tf_static                 tf2_msgs/TFMessage       ``bar_NAME`` to ``endcap_N``, the frame of that endcap's wrenches
+    /tf_static                 tf2_msgs/TFMessage       ``bar_NAME`` to ``endcap_N``, the frame of its wrenches
 
 Stamps are wall time. Names keep letters, digits and underscores, as ROS allows them; others become underscores. A name
 that begins with a digit, or that becomes equal to another one, is refused.

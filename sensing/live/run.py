@@ -148,11 +148,12 @@ def run_until_stopped(
             if asked.is_set():
                 run.hurry()
             run.engine.halt(HURRY_S)
+            last = run.engine.health(fresh=True)  # while outputs close no frame comes, which is no fault of a camera
             if more is not None:
                 more.close()
             run.engine.close(min(HURRY_S, run.patience_s))
-    terminal.show(run.engine.health(), run.latest.all(), run.robot(), [])
-    for line in summary(run.engine.health(fresh=True), time.monotonic() - run.begin_s) + _notes(run):
+    terminal.show(last, run.latest.all(), run.robot(), [])
+    for line in summary(last, time.monotonic() - run.begin_s) + _notes(run):
         lines.write(printable(line) + "\n")
     lines.close()
     if lines.failed and not lines.gone:

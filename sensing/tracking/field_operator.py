@@ -39,28 +39,61 @@ CELL_SAMPLES = 3  # per side: a cell's value is its mean, not its centre's
 
 
 @dataclass(frozen=True)
+class CellMaps:
+    """The part of a :class:`FieldOperator` that the cells of the field need.
+
+    Attributes:
+        to_cells: (N, H * W) displacement of the dots to mean displacement of the cells (cells = d @ to_cells).
+        near: (H * W, N) 0 or 1, dot within reach of a cell.
+        reached: (H, W) cells that any dot reaches.
+        mean_kernel: (H * W, N) mean of the kernel between a cell's points and each dot.
+    """
+
+    to_cells: NDArray[np.float32]
+    near: NDArray[np.float32]
+    reached: NDArray[np.bool_]
+    mean_kernel: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class FieldOperator:
     """Linear maps for one set of dots; build it with :func:`field_operator`.
 
     Attributes:
-        to_cells: (N, H * W) displacement of the dots to mean displacement of the cells (cells = d @ to_cells).
+        gram: (N, N) K + lambda I.
         precision: (N, N) Q = (K + lambda I)^-1.
         gradient: (2 N, N) displacement of the dots to its x (first N rows) and y derivative at the dots, per pixel.
+        make_cells: makes :attr:`cells`.
         make_stretch_gain: makes :attr:`stretch_gain`.
-        near: (H * W, N) 0 or 1, dot within reach of a cell.
-        reached: (H, W) cells that any dot reaches.
         shape: (H, W).
-        condition: condition number of K + lambda I.
     """
 
-    to_cells: NDArray[np.float32]
+    gram: NDArray[np.float64]
     precision: NDArray[np.float64]
     gradient: NDArray[np.float64]
-    make_stretch_gain: Callable[[], NDArray[np.float32]]
-    near: NDArray[np.float32]
-    reached: NDArray[np.bool_]
+    make_cells: Callable[[], CellMaps]
+    make_stretch_gain: Callable[[CellMaps], NDArray[np.float32]]
     shape: tuple[int, int]
-    condition: float
+
+    @cached_property
+    def cells(self) -> CellMaps:
+        """Maps to the cells: computed on first use, because a tracker needs none, and they take most of the time."""
+        return self.make_cells()
+
+    @property
+    def to_cells(self) -> NDArray[np.float32]:
+        """:attr:`CellMaps.to_cells`."""
+        return self.cells.to_cells
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """:attr:`CellMaps.reached`."""
+        return self.cells.reached
+
+    @property
+    def condition(self) -> float:
+        """Condition number of K + lambda I."""
+        return float(np.linalg.cond(self.gram))
 
     @cached_property
     def stretch_gain(self) -> NDArray[np.float32]:
@@ -68,7 +101,7 @@ class FieldOperator:
 
         It is computed on first use, because readers of displacements alone do not need it.
         """
-        return self.make_stretch_gain()
+        return self.make_stretch_gain(self.cells)
 
     def left_out(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 2) leave-one-out residuals: displacement of each dot minus its prediction from all others."""
@@ -116,7 +149,7 @@ class FieldOperator:
         """(H, W) True where at least one live dot is within reach."""
         if live.all():
             return self.reached
-        return (self.near @ live.astype(np.float32) > 0.5).reshape(self.shape)
+        return (self.cells.near @ live.astype(np.float32) > 0.5).reshape(self.shape)
 
 
 def field_operator(
@@ -145,26 +178,29 @@ def field_operator(
     gram = _kernel(dots, dots) + noise * np.eye(len(dots))
     precision = np.linalg.inv(gram)
     precision = (precision + precision.T) / 2
-    centres, samples = _cell_points(size, shape)
-    points = (samples - origin) / (length_px * scale)
-    mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
     gradient = _kernel_gradient(dots) @ precision
-    distance = np.linalg.norm(centres[:, None] - reference_px[None], axis=2)
-    near = distance < REACH_PX * scale
 
-    def make_stretch_gain() -> NDArray[np.float32]:
-        stretch_gain = _stretch_gain(points, dots, mean_kernel, precision, gradient) * (length_px * scale)
+    def points() -> NDArray[np.float64]:
+        return (_cell_points(size, shape)[1] - origin) / (length_px * scale)
+
+    def make_cells() -> CellMaps:
+        mean_kernel = _kernel(points(), dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
+        centres = _cell_points(size, shape)[0]
+        near = np.linalg.norm(centres[:, None] - reference_px[None], axis=2) < REACH_PX * scale
+        to_cells = np.ascontiguousarray((mean_kernel @ precision).T, np.float32)
+        return CellMaps(to_cells, near.astype(np.float32), near.any(axis=1).reshape(shape), mean_kernel)
+
+    def make_stretch_gain(cells: CellMaps) -> NDArray[np.float32]:
+        stretch_gain = _stretch_gain(points(), dots, cells.mean_kernel, precision, gradient) * (length_px * scale)
         return np.ascontiguousarray(stretch_gain.T, np.float32)
 
     return FieldOperator(
-        to_cells=np.ascontiguousarray((mean_kernel @ precision).T, np.float32),
+        gram=gram,
         precision=precision,
         gradient=gradient.reshape(-1, len(dots)) / (length_px * scale),
+        make_cells=make_cells,
         make_stretch_gain=make_stretch_gain,
-        near=near.astype(np.float32),
-        reached=near.any(axis=1).reshape(shape),
         shape=shape,
-        condition=float(np.linalg.cond(gram)),
     )
 
 
@@ -207,7 +243,7 @@ def _checked(reference_px: NDArray[np.float64], length_px: float, noise: float) 
 
 def _kernel(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(len(a), len(b)) affine plus Matern 5/2 at unit length."""
-    r = np.sqrt(5) * np.linalg.norm(a[:, None] - b[None], axis=2)
+    r = np.sqrt(5) * np.sqrt((a[:, None, 0] - b[None, :, 0]) ** 2 + (a[:, None, 1] - b[None, :, 1]) ** 2)
     return AFFINE_VARIANCE * (1 + a @ b.T) + (1 + r + r**2 / 3) * np.exp(-r)
 
 

@@ -11,6 +11,7 @@ Units: pixels of the working (reduced) picture.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -57,8 +58,8 @@ class Patches:
     plain: NDArray[np.float32]
     energy: NDArray[np.float32]
 
-    def only(self, kept: NDArray[np.bool_]) -> Patches:
-        """Some of the windows; each was cut for itself."""
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Patches:
+        """Some of the windows, by a mask or their numbers; each was cut for itself."""
         return Patches(half=self.half, **{
             field.name: np.ascontiguousarray(getattr(self, field.name)[kept])
             for field in fields(self) if field.name != "half"
@@ -97,13 +98,33 @@ def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half:
         half: half width of a window, px.
     """
     image = image[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    count = len(position)
     centre = np.rint(position).astype(int)
     dx, dy = (a.ravel() for a in np.meshgrid(np.arange(-half, half + 2), np.arange(-half, half + 1)))
     window = np.clip(1.25 - np.hypot(dx, dy) / (half + 0.5), 0, 1) ** 0.5 * (dx <= half)
     slopes = np.gradient(np.pad(image.astype(float), half + 2, mode="edge"))[::-1]  # x, y
-    size = len(dx)
-    patches = Patches(
+    patches = _empty(centre, half, len(dx))
+    height, width = image.shape
+    columns, lines = centre[:, :1] + dx, centre[:, 1:] + dy  # (N, M)
+    inside = (columns >= 0) & (columns < width) & (lines >= 0) & (lines < height)
+    columns, lines = np.clip(columns, 0, width - 1), np.clip(lines, 0, height - 1)
+    value = image[lines, columns].astype(float)
+    weight = window * inside * (value < SATURATED)
+    weight *= _outside_of_ink(value, half)
+    ramps = np.stack([np.ones(len(dx)), dx, dy], axis=1)
+    fits = _Fits([], [], [])
+    for index, (x, y) in enumerate(centre):
+        if weight[index].sum() >= LEAST_INSIDE * window.sum():
+            weight[index] /= weight[index].sum()
+            value[index] -= weight[index] @ value[index]
+            gradient = np.stack([slope[y + dy + half + 2, x + dx + half + 2] for slope in slopes], axis=1)
+            _prepare(patches, index, value[index], weight[index], gradient, ramps, fits)
+    _invert(patches, weight, fits)
+    return patches
+
+
+def _empty(centre: NDArray[np.intp], half: int, size: int) -> Patches:
+    count = len(centre)
+    return Patches(
         centre=centre.astype(np.float32),
         half=half,
         texture=np.zeros((count, size), np.float32),
@@ -113,58 +134,76 @@ def cut_patches(image: NDArray[np.float32], position: NDArray[np.float64], half:
         plain=np.zeros((count, 4, size), np.float32),
         energy=np.zeros(count, np.float32),
     )
-    height, width = image.shape
-    for index, (x, y) in enumerate(centre):
-        columns, lines = x + dx, y + dy
-        inside = (columns >= 0) & (columns < width) & (lines >= 0) & (lines < height)
-        value = image[np.clip(lines, 0, height - 1), np.clip(columns, 0, width - 1)].astype(float)
-        weight = window * inside * (value < SATURATED)
-        weight *= _outside_of_ink(value.reshape(2 * half + 1, -1), half)
-        if weight.sum() >= LEAST_INSIDE * window.sum():
-            weight /= weight.sum()
-            gradient = np.stack([slope[lines + half + 2, columns + half + 2] for slope in slopes], axis=1)
-            _prepare(patches, index, value - weight @ value, weight, gradient, dx.astype(float), dy.astype(float))
-    return patches
 
 
 def _outside_of_ink(value: NDArray, half: int) -> NDArray:
-    """(M,) weights that leave out the inside of the window's dot: dried ink mirrors the lamp, its outline stays.
+    """(N, M) weights that leave out the inside of each window's dot: dried ink mirrors the lamp, its outline stays.
 
     The dot is what a level halfway between ink and silicone cuts off from the window's border; its inside begins
     :data:`OUTLINE` of the window's half width from there. A window in which that finds no whole dot keeps all.
     """
-    square = value[:, : 2 * half + 1]
-    dark, bright = np.percentile(square, (4, 75))
-    light = (square > (dark + bright) / 2).astype(np.uint8)
-    _, label = cv2.connectedComponents(light, connectivity=4)
-    border = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
-    lit_border = np.concatenate([light[0], light[-1], light[:, 0], light[:, -1]])
-    weight = np.ones_like(value)
-    if lit_border.mean() > LEAST_SILICONE:
-        dot = ~np.isin(label, np.unique(border[lit_border > 0]))
-        depth = cv2.distanceTransform(np.pad(dot, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-        weight[:, : 2 * half + 1] = np.clip(1 + OUTLINE * half - depth, INK_WEIGHT, 1)
-    return weight.ravel()
+    side = 2 * half + 1
+    squares = value.reshape(len(value), side, side + 1)[:, :, :side]
+    if not len(value):
+        return np.ones_like(value)
+    dark, bright = np.percentile(squares.reshape(len(value), -1), (4, 75), axis=1)
+    lit = (squares > ((dark + bright) / 2)[:, None, None]).astype(np.uint8)
+    weight = np.ones((len(value), side, side + 1))
+    for light, part in zip(lit, weight, strict=True):
+        count, label = cv2.connectedComponents(light, connectivity=4)
+        border = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
+        lit_border = np.concatenate([light[0], light[-1], light[:, 0], light[:, -1]])
+        if lit_border.mean() > LEAST_SILICONE:
+            beyond = np.zeros(count, bool)
+            beyond[border[lit_border > 0]] = True
+            dot = np.zeros((side + 2, side + 2), np.uint8)
+            dot[1:-1, 1:-1] = ~beyond[label]
+            depth = cv2.distanceTransform(dot, cv2.DIST_L2, 5)[1:-1, 1:-1]
+            part[:, :side] = np.clip(1 + OUTLINE * half - depth, INK_WEIGHT, 1)
+    return weight.reshape(value.shape)
+
+
+class _Fits(NamedTuple):
+    """What is left of the slopes of the windows that are used, to be inverted for all at once."""
+
+    numbers: list[int]
+    pure: list[NDArray]  # (M, 2) of a shift
+    bent: list[NDArray]  # (M, 4) of a stretch
 
 
 def _prepare(
-    patches: Patches, index: int, value: NDArray, weight: NDArray, gradient: NDArray, dx: NDArray, dy: NDArray
+    patches: Patches, index: int, value: NDArray, weight: NDArray, gradient: NDArray, ramps: NDArray, fits: _Fits
 ) -> None:
-    """Fills the rows of one window from its texture, weights and (M, 2) slopes."""
-    ramps = np.stack([np.ones_like(dx), dx, dy], axis=1)
-    pure = _project(gradient, np.column_stack([ramps, value]), weight)
-    descent = np.linalg.pinv(pure.T @ (weight[:, None] * pure), rcond=1e-6) @ (weight[:, None] * pure).T
-    bent = np.stack([gradient[:, 0] * dx, gradient[:, 0] * dy, gradient[:, 1] * dx, gradient[:, 1] * dy], axis=1)
-    bent = _project(bent, np.column_stack([ramps, value, gradient]), weight)
-    normal = bent.T @ (weight[:, None] * bent)
-    damped = normal + SHEAR_DAMPING * np.trace(normal) / 4 * np.eye(4)
-    shade = _project(value[:, None], np.column_stack([ramps, gradient]), weight)[:, 0]
-    gain = weight * shade / max(weight @ shade**2, 1e-9)
-    patches.rows[index] = np.stack([*descent, gain, weight, weight * value])
-    patches.shear[index] = np.linalg.pinv(damped, rcond=1e-9) @ (weight[:, None] * bent).T
-    patches.plain[index] = np.stack([*gradient.T, value, weight])
+    """Fills the rows of one window from its texture, weights and (M, 2) slopes, but for what :func:`_invert` fills."""
+    root = np.sqrt(weight)[:, None]
+    basis = np.empty((len(value), 6))
+    basis[:, :3], basis[:, 3], basis[:, 4:] = ramps, value, gradient
+    fits.numbers.append(index)
+    fits.pure.append(_project(gradient, np.ascontiguousarray(basis[:, :4]), root))
+    bent = (gradient[:, :, None] * ramps[:, None, 1:]).reshape(-1, 4)
+    fits.bent.append(_project(bent, basis, root))
+    shade = _project(value[:, None], np.delete(basis, 3, axis=1), root)[:, 0]
+    patches.rows[index, 2] = weight * shade / max(weight @ shade**2, 1e-9)
+    patches.rows[index, 3], patches.rows[index, 4] = weight, weight * value
+    plain = patches.plain[index]
+    plain[:2], plain[2], plain[3] = gradient.T, value, weight
     patches.texture[index], patches.weight[index] = value, weight
     patches.energy[index] = weight @ value**2
+
+
+def _invert(patches: Patches, weights: NDArray, fits: _Fits) -> None:
+    """Fills descent and shear of the windows that are used."""
+    if not fits.numbers:
+        return
+    weighed = [weights[index][:, None] for index in fits.numbers]
+    curvature = np.stack([pure.T @ (weight * pure) for weight, pure in zip(weighed, fits.pure, strict=True)])
+    normal = np.stack([bent.T @ (weight * bent) for weight, bent in zip(weighed, fits.bent, strict=True)])
+    damping = SHEAR_DAMPING * np.trace(normal, axis1=1, axis2=2) / 4
+    shift = np.linalg.pinv(curvature, rcond=1e-6)
+    stretch = np.linalg.pinv(normal + damping[:, None, None] * np.eye(4), rcond=1e-9)
+    for k, (index, weight) in enumerate(zip(fits.numbers, weighed, strict=True)):
+        patches.rows[index, :2] = shift[k] @ (weight * fits.pure[k]).T
+        patches.shear[index] = stretch[k] @ (weight * fits.bent[k]).T
 
 
 def align(
@@ -199,7 +238,6 @@ def align(
     return quality
 
 
-def _project(columns: NDArray, basis: NDArray, weight: NDArray) -> NDArray:
-    """Columns minus their weighted least-squares fit by the basis."""
-    root = np.sqrt(weight)[:, None]
+def _project(columns: NDArray, basis: NDArray, root: NDArray) -> NDArray:
+    """Columns minus their least-squares fit by the basis, weighted by the square of the (M, 1) roots."""
     return columns - basis @ np.linalg.lstsq(root * basis, root * columns, rcond=1e-9)[0]

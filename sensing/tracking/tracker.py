@@ -11,6 +11,7 @@ Units: records are in full-size pixels; inside, pixels of the working picture.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,25 +20,20 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from cad.params import EndcapParams
-from sensing.camera.dot_look import dot_look
 from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
 from sensing.tracking.field_kernels import find_inliers, stretch_at_dots
 from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
-from sensing.tracking.nearest import nearest_other
 from sensing.tracking.patch_kernels import smooth_into, smoothed
 from sensing.tracking.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
 from sensing.tracking.recovery import WideSearch
+from sensing.tracking.windows import FULL_SIZE_PX, half_width, spacing, steady
 
-FULL_SIZE_PX = 480  # half size costs 30 to 60 % more error in a wrench and saves a tenth of the time
 RETRY_EVERY = 5  # frames between second attempts at dots that stay lost
 FEWEST_INLIERS = 5  # with fewer, no dot is rejected for its residual
 RESIDUAL_LIMITS = (0.1, 0.4)  # leave-one-out residual of an inlier over the spacing, at least_ and at sure_quality
-MOST_UNCERTAIN = 6.0  # position uncertainty over the median: beyond it a window shows an edge, not a dot
-FEWEST_WHOLE = 8  # with fewer whole dots than this, dots cut by the frame's edge are used, too
 LARGEST_STRETCH = 0.5  # that a window starts from
-LARGEST_DOTS = 2.0  # times the released size: windows grow with the dots up to it (4 mm at D = 100), then time counts
 MOST_DROPPED = 12  # dots rejected for their residual, per classification
 
 
@@ -88,6 +84,10 @@ class DotTracker:
         dots: dots in pixels of the working picture; None finds them in the reference.
         params: design of the endcap whose dots are looked for; None for dots that look like the released ones.
 
+    Attributes:
+        found: what looks like a dot in the reference, in pixels of the working picture.
+        dots: those that are followed.
+
     Raises:
         NoDotsError: the reference has no dots.
     """
@@ -105,21 +105,43 @@ class DotTracker:
         gray = decode_gray(reference, self.reduction)
         self._working_shape = gray.shape
         self._image = smoothed(gray)  # used again for every frame
-        found = find_dots(gray, source=reference.source, params=params) if dots is None else dots
-        larger = float(np.clip(dot_look(params).scale, 1.0, LARGEST_DOTS))
-        largest = max(12, round(12 * larger * min(gray.shape) / FULL_SIZE_PX))
-        half = int(np.clip(np.rint(self.config.window * float(np.median(found.diameter_px))), 4, largest))
-        patches = cut_patches(self._image, found.position_px, half)
-        kept = np.ones(len(found), bool) if dots is not None else _steady(found, patches)
-        self.dots = found.only(kept)
-        self._patches = patches.only(kept)
+        self._rest = self._image.copy()
+        self.found = find_dots(gray, source=reference.source, params=params) if dots is None else dots
+        self._params = params
+        self._half = self._half_width(self.found)
+        patches = cut_patches(self._image, self.found.position_px, self._half)
+        kept = np.ones(len(self.found), bool) if dots is not None else steady(self.found, patches)
+        self._take(self.found.only(kept), patches.only(kept))
+
+    def only(self, which: NDArray[np.intp]) -> DotTracker:
+        """A new tracker of some of the dots, as one made with these dots is; windows are cut once.
+
+        Args:
+            which: their numbers.
+        """
+        chosen = copy.copy(self)
+        vars(chosen).pop("wide", None)
+        chosen._image, dots = self._image.copy(), self.dots.only(which)
+        chosen._half = chosen._half_width(dots)
+        if chosen._half == self._half:
+            patches = self._patches.only(which)
+        else:  # another median of the diameters
+            patches = cut_patches(self._rest, dots.position_px, chosen._half)
+        chosen._take(dots, patches)
+        return chosen
+
+    def _half_width(self, dots: Dots) -> int:
+        return half_width(dots, min(self._working_shape), self.config.window, self._params)
+
+    def _take(self, dots: Dots, patches: Patches) -> None:
+        """Follow these dots by these windows."""
+        self.dots, self._patches = dots, patches
         self.reference_px = to_full_px(self.dots.position_px, self.reduction)
         self.operator: FieldOperator = field_operator(
             self.reference_px, self.size, self.config.shape, self.config.length_px, self.config.noise
         )
-        self._spacing = _spacing(self.dots.position_px, fallback=0.1 * min(gray.shape))
+        self._spacing = spacing(self.dots.position_px, fallback=0.1 * min(self._working_shape))
         self._all = np.arange(len(self.dots))
-        self._half, self._rest = half, self._image.copy()
         self.restart()
 
     @cached_property
@@ -255,18 +277,6 @@ class _Fit:
     live: NDArray[np.bool_]
 
 
-def _steady(dots: Dots, patches: Patches) -> NDArray[np.bool_]:
-    """Dots that can be tracked: not those whose window slides along an edge, nor those cut by the frame's edge.
-
-    The visible part of a cut dot moves differently from its centre, by up to 0.7 px, and the field's global bias
-    depends most on the outermost dots.
-    """
-    steady = patches.uncertainty_px <= MOST_UNCERTAIN * np.median(patches.uncertainty_px)
-    if np.count_nonzero(steady & ~dots.cut) >= FEWEST_WHOLE:
-        steady &= ~dots.cut
-    return np.asarray(steady)
-
-
 def _merged(fit: _Fit, trial: _Fit, better: NDArray[np.bool_]) -> _Fit:
     return _Fit(
         np.where(better[:, None], trial.moved, fit.moved),
@@ -282,11 +292,3 @@ def frame_size(frame: Frame) -> tuple[int, int]:
         return frame.size
     gray = decode_gray(frame)
     return gray.shape[1], gray.shape[0]
-
-
-def _spacing(position: NDArray[np.float64], fallback: float) -> NDArray[np.float64]:
-    """(N,) distance to the nearest other dot; ``fallback`` for a lone one or for coincident ones."""
-    if len(position) < 2:
-        return np.full(len(position), fallback)
-    nearest, _ = nearest_other(position)
-    return np.where(nearest > 1.0, nearest, fallback)

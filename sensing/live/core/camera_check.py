@@ -78,20 +78,19 @@ class CameraCheck:
         return replace(wrench, covariance=wrench.covariance + unknown)
 
 
-def paint_tracker(tracker: DotTracker, zero: Zero, rest: RestCamera, params: EndcapParams) -> DotTracker:
+def paint_tracker(tracker: DotTracker, rest: RestCamera, params: EndcapParams) -> DotTracker:
     """A tracker of the design's dots alone: a speck on the lens keeps its place when the skin moves.
 
     Args:
         tracker: of all that look like dots; the answer where no camera is known.
-        zero: its reference.
         rest: the camera.
         params: the endcap.
     """
     camera = rest.known(params, tracker.size)
     if camera is None:
         return tracker
-    painted = tracker.dots.only(pattern_dots(tracker.reference_px, params, camera))
-    return tracker if len(painted) == len(tracker.dots) else DotTracker(zero.frame(), dots=painted, params=params)
+    which = pattern_dots(tracker.reference_px, params, camera)
+    return tracker if len(which) == len(tracker.dots) else tracker.only(which)
 
 
 def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:

@@ -247,7 +247,7 @@ class EndcapPipeline:
         if digest not in self._cameras:
             found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
             self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: found}
-        return self._cameras[digest], paint_tracker(tracker, zero, self._cameras[digest], self.endcap.params)
+        return self._cameras[digest], paint_tracker(tracker, self._cameras[digest], self.endcap.params)
 
     def _use(self, reference: Reference, kept: Kept = NOTHING_KEPT) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)

@@ -31,6 +31,7 @@ from sensing.tracking.dots import find_dots
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.mounting import common_motion, without_motion
+from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero, ZeroError, single_zero, take_zero
 
 _ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
@@ -193,7 +194,7 @@ class ReferenceTaker:
                 pressed_n = self._gain * press_n(before, zero, self._estimator, self._params)
                 _require_unpressed(pressed_n, self._most_n)
             elif last is None:
-                _require_design(misplaced_px(zero, self._params), most_misplaced_px(self._params))
+                _require_design(misplaced_px(zero, self._params, method.tracker), most_misplaced_px(self._params))
         return Reference(zero, method)
 
 
@@ -217,14 +218,21 @@ def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: E
     return float(np.linalg.norm(estimator.estimate(before.field(still)).force_n))
 
 
-def misplaced_px(zero: Zero, params: EndcapParams) -> float:
+def misplaced_px(zero: Zero, params: EndcapParams, tracker: DotTracker | None = None) -> float:
     """How far the dots lie from the design's, at 480 lines, in the 90 % quantile; 0 where they cannot be compared.
 
     That is where they cannot be assigned to those of the design.
+
+    Args:
+        zero: the reference.
+        params: the design.
+        tracker: that was set up with it; None finds the dots anew. One that works at half size has found others.
     """
-    gray = decode_gray(zero.frame())
-    size = gray.shape[1], gray.shape[0]
-    dots = find_dots(gray, params=params)
+    if tracker is not None and tracker.reduction == 1:
+        dots, size = tracker.found, tracker.size
+    else:
+        gray = decode_gray(zero.frame())
+        dots, size = find_dots(gray, params=params), (gray.shape[1], gray.shape[0])
     try:
         fitted = calibrate_from_dots(dots.position_px[~dots.cut], params, size, near=nominal_mount(params, *size))
     except CalibrationError:

@@ -21,7 +21,7 @@ from sensing.live.outputs.ros.messages import (
 )
 from sensing.robot.estimate import BarEstimate, RobotEstimate
 from sensing.robot.node.run import NS, whole_ns
-from sensing.tensegrity.description import Array
+from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
 from sensing.tensegrity.vectors import minus_cross
 
@@ -160,6 +160,17 @@ def pose_array(poses: Array, stamp_ns: int) -> bytes:
 def bar_transforms(estimate: RobotEstimate, stamp_ns: int) -> bytes:
     """tf2_msgs/TFMessage with the transform from world to every bar."""
     children = {f"bar_{bar.name}": (WORLD, bar.T_world_bar * TO_MM) for bar in estimate.bars}
+    return transforms(children, stamp_ns)
+
+
+def endcap_transforms(robot: TensegrityRobot, stamp_ns: int) -> bytes:
+    """tf2_msgs/TFMessage with the transform from each bar to its endcaps, as the description states them.
+
+    Args:
+        robot: robot with its endcaps, whose names are the frames of their wrenches.
+        stamp_ns: wall time, ns.
+    """
+    children = {each.name: (f"bar_{each.bar}", each.T_bar_endcap * TO_MM) for each in robot.endcaps}
     return transforms(children, stamp_ns)
 
 

@@ -4,6 +4,7 @@
     /robot/endcaps             geometry_msgs/PoseArray  centres of the endcaps' spheres, in the description's order
     /robot/estimate            std_msgs/String          the whole estimate as JSON
     /tf                        tf2_msgs/TFMessage       world to ``bar_NAME``
+    /tf_static                 tf2_msgs/TFMessage       ``bar_NAME`` to ``endcap_N``, the frame of its wrenches
 
 Stamps are wall time. Names keep letters, digits and underscores, as ROS allows them; others become underscores. A name
 that begins with a digit, or that becomes equal to another one, is refused.
@@ -12,6 +13,7 @@ that begins with a digit, or that becomes equal to another one, is refused.
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -51,6 +53,8 @@ class RobotTopics:
         self._writers: dict[str, Any] = {
             topic: dds.publisher(self._participant, topic, kind) for topic, kind in kinds.items()
         }
+        self._mounted = dds.publisher(self._participant, "tf_static", TRANSFORMS, latched=True)
+        self._mounted.write(dds.encoded(TRANSFORMS, messages.endcap_transforms(robot, time.time_ns())))
 
     def sample(self, sample: Sample) -> None:
         """Do nothing: samples come from topics already."""
@@ -68,7 +72,7 @@ class RobotTopics:
 
     def close(self) -> None:
         """Remove the topics."""
-        self._writers = {}
+        self._writers, self._mounted = {}, None
         self._participant, self._owner = None, None
 
     def _write(self, topic: str, cdr: bytes) -> None:

@@ -151,6 +151,16 @@ def test_all_that_hangs_shares_less_than_two_seconds_after_a_signal(monkeypatch)
     assert clock.now_s - 50.0 + closing_s + FLUSH_S <= 2.2 and given[0] > 0.6  # most of it is for the file
 
 
+def test_a_camera_is_not_called_silent_because_outputs_take_their_time_to_close():
+    endcap = LiveEndcap(CameraFeed(endless(film([0, 0]))), pipeline("endcap_0", 0))
+    run = LiveRun(LiveConfig((EndcapConfig("endcap_0", "test"),)), [endcap])
+    stop, outputs, stream = Stop(), contextlib.ExitStack(), io.StringIO()
+    outputs.callback(lambda: wait_for(lambda: endcap.feed.health.status == "silent"))  # a slow disk
+    run.stop_when(lambda: endcap.feed.health.frames > 3)
+    run_until_stopped(run, stream, None, outputs, stop)
+    assert endcap.feed.health.status == "silent" and "silent" not in stream.getvalue()
+
+
 def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
     with socket.create_server(("127.0.0.1", 0), backlog=20) as silent:
         hung = [word for _ in range(4) for word in ("--url", f"http://127.0.0.1:{silent.getsockname()[1]}/")]

@@ -21,7 +21,7 @@ from sensing.live.outputs import ros_types as ros
 cyclonedds = pytest.importorskip("cyclonedds")
 from sensing.live.outputs.ros import dds, messages  # noqa: E402
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id  # noqa: E402
-from sensing.live.outputs.ros.topics import TOPICS, RosTopics, transforms_of  # noqa: E402
+from sensing.live.outputs.ros.topics import ROOM, TOPICS, RosTopics, transforms_of  # noqa: E402
 from sensing.live.outputs.ros.wall_clock import WallClock  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -242,6 +242,18 @@ def test_an_error_in_diagnostics_or_service_is_noted_and_the_topics_go_on(monkey
     wait_for(lambda: topics._cameras)  # the last message of a reading has been made
     topics.close(PATIENCE_S)
     assert topics.failed == "" and topics.loss
+
+
+def test_readings_that_come_too_fast_are_counted_and_said(monkeypatch):
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    pipe, reading = a_reading()
+    topics = RosTopics([pipe], 1 + os.getpid() % 100)
+    for _ in range(ROOM + 3):  # its thread has not begun: as slow as can be
+        topics.put(reading)
+    assert topics.loss.startswith("3 readings not published") and topics.loss in topics.note
+    topics.start()
+    topics.close(PATIENCE_S)
+    assert topics.failed == ""
 
 
 def test_quaternions_are_those_of_the_rotations():

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from standing_robot import feed, standing_samples
 
 from cad.errors import ParameterError
@@ -48,12 +49,18 @@ while len(got) < len(readers) and time.monotonic() < end:
         for sample in reader.take(1):
             got[name] = sample
     time.sleep(0.01)
+kind, qos = dds.idl_type(TRANSFORMS), dds.quality(latched=True)
+late = DataReader(participant, Topic(participant, "rt/tf_static", kind, qos=qos), qos=qos)
+while not (mounted := late.take(1)) and time.monotonic() < end:
+    time.sleep(0.01)
 odometry, poses, text, tf = (got[name] for name in kinds)
 place = odometry.pose.pose.position
 print(json.dumps({
     "frames": [odometry.header.frame_id, odometry.child_frame_id], "place": [place.x, place.y, place.z],
     "covariance": list(odometry.pose.covariance), "endcaps": [[p.position.x, p.position.y] for p in poses.poses],
     "time_s": json.loads(text.data)["time_s"], "children": [t.child_frame_id for t in tf.transforms],
+    "mounted": {t.child_frame_id: [t.header.frame_id, [getattr(t.transform.translation, a) for a in "xyz"],
+                                   [getattr(t.transform.rotation, a) for a in "xyzw"]] for t in mounted[0].transforms},
 }), flush=True)
 """
 
@@ -142,6 +149,10 @@ def test_a_second_process_sees_the_topics(report, monkeypatch):
     assert found["covariance"] == bar.covariance[:6, :6].ravel().tolist()
     assert found["endcaps"] == [endcap.centre_m[:2].tolist() for endcap in report.estimate.endcaps]
     assert found["time_s"] == report.estimate.time_s
+    assert list(found["mounted"]) == [endcap.name for endcap in ROBOT.endcaps]
+    for endcap, (parent, place, turn) in zip(ROBOT.endcaps, found["mounted"].values(), strict=True):
+        assert parent == f"bar_{endcap.bar}" and place == pytest.approx(endcap.T_bar_endcap[:3, 3])
+        assert np.allclose(Rotation.from_quat(turn).as_matrix(), endcap.T_bar_endcap[:3, :3])
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,8 @@ from sensing.tracking.methods import DotField
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.patch_kernels import smoothed
 from sensing.tracking.patches import cut_patches
-from sensing.tracking.tracker import DotTracker, _steady
+from sensing.tracking.tracker import DotTracker
+from sensing.tracking.windows import steady as steady_dots
 
 IMAGE, _ = draw_dots(Drawing())
 REST = Frame(0.0, 0, "rest", image=IMAGE)
@@ -88,7 +89,7 @@ def test_window_that_slides_along_an_edge_is_no_dot():
     keep = ~((found.position_px > [235, 185]).all(axis=1))
     position = np.concatenate([found.position_px[keep], [[290.0, 200.0]]])
     dots = Dots(position, np.full(len(position), 9.0), np.zeros(len(position), bool))
-    steady = _steady(dots, cut_patches(smoothed(gray), position, 7))
+    steady = steady_dots(dots, cut_patches(smoothed(gray), position, 7))
     assert steady[:-1].all() and not steady[-1]
 
 

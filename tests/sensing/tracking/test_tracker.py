@@ -162,6 +162,23 @@ def test_reference_without_dots_is_refused():
         DotTracker(Frame(0, 0, "blank", image=np.full((480, 640, 3), 128, np.uint8)))
 
 
+@pytest.mark.parametrize("wide", [False, True], ids=["windows as before", "other windows"])
+def test_a_tracker_of_some_of_the_dots_is_that_made_with_them(wide):
+    """To the bit: also where the median of their diameters, and so the windows, are others."""
+    tracker = DotTracker(REST)
+    large = np.argsort(tracker.dots.diameter_px)[-9:]
+    if wide:
+        tracker.dots.diameter_px[large] *= 1.3
+    which = np.sort(large) if wide else np.flatnonzero(np.arange(len(tracker.dots)) % 7)
+    some, made = tracker.only(which), DotTracker(REST, dots=tracker.dots.only(which))
+    assert (some._half != tracker._half) == wide and some._half == made._half
+    for moved in (frame(Displacement((1.3, -0.6))), frame(Displacement((22.0, 0.0)))):
+        one, other = some.update(moved), made.update(moved)
+        assert np.array_equal(one.position_px, other.position_px) and np.array_equal(one.quality, other.quality)
+    assert np.array_equal(some.wide._patches.rows, made.wide._patches.rows)
+    assert not np.array_equal(some._image, tracker._image)  # each has its own picture
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_few_and_coincident_dots(count):
     place = np.repeat([[160.0, 118.0]], count, axis=0) if count == 2 else DotTracker(REST).dots.position_px[:count]

@@ -104,7 +104,10 @@ class RosTopics(QueuedSink):
         """What went wrong, in one line; empty if nothing did."""
         if self.failed:
             return f"stopped ({self.failed})"
-        return "; ".join(f"an error in {part} ({reason})" for part, reason in sorted(self._errors.items()))
+        said = [f"an error in {part} ({reason})" for part, reason in sorted(self._errors.items())]
+        if self.dropped:
+            said.append(f"{self.dropped} readings not published: this computer has too little time for them")
+        return "; ".join(said)
 
     def start(self) -> None:
         """Begin to publish and to answer."""

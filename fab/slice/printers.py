@@ -1,7 +1,7 @@
 """Printers: rows of ``printers.csv`` with bed, nozzle, levelling, and the names of their presets in both slicers.
 
-Millimetres. The start is home, level, heat, and a line along the bed's left edge that fills the nozzle; the printer's own
-preset may do more (resonance, flow), and is the better start where the slicer has it: the projects carry its name.
+Millimetres. The start is home, level, heat, and a line along the bed's left edge that fills the nozzle, where no part
+lies; the printer's own preset may do more (resonance, flow), but fills the nozzle where parts may lie.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ DEFAULT_PRINTER = "generic256"
 MARGIN_MM = 4.0  # round the part: brim and the width of a line
 NOZZLE_RANGE_MM = (0.3, 0.45)  # E: the lines of all prints are 0.45 mm wide, which is 1 to 1.5 times the nozzle
 PROBE_C = 170  # E: of the nozzle while it probes: warm, and nothing drips
-# E: the nozzle has dripped while it was heated, so 19 mm3 go into a line 0.7 mm wide, 0.15 to 0.85 mm from the middle of
-# the bed's left edge (brims keep 1 mm off it), at 1.9 mm3/s, slow enough for TPU; the last 10 mm wipe the nozzle.
+# E: the nozzle has dripped while it was heated, so 19 mm3 go into a line 0.7 mm wide, 0.15 to 0.85 mm from the middle
+# of the bed's left edge (brims keep 1 mm off it), at 1.9 mm3/s, slow enough for TPU; the last 10 mm wipe the nozzle.
 PURGE_X_MM, PURGE_MM, PURGE_FILAMENT_MM, WIPE_MM = 0.5, 100.0, 8.0, 10.0
 
 
@@ -46,6 +46,7 @@ class Printer:
         end: G-code lines after the print.
         prusa_printer, prusa_print: names of the presets in PrusaSlicer, empty where it has none.
         orca_printer, orca_process: the same in OrcaSlicer and Bambu Studio.
+        orca_filament: name of their presets of plain filaments, with ``*`` where PLA, PETG or TPU stands.
         provenance: where the numbers come from.
     """
 
@@ -63,6 +64,7 @@ class Printer:
     prusa_print: str
     orca_printer: str
     orca_process: str
+    orca_filament: str
     provenance: str
 
     @property
@@ -276,5 +278,6 @@ def _printer(row: dict[str, str]) -> Printer:
         row["prusa_print"],
         row["orca_printer"],
         row["orca_process"],
+        row["orca_filament"],
         row["provenance"],
     )

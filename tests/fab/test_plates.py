@@ -46,7 +46,7 @@ def box(x: float, y: float, z: float) -> trimesh.Trimesh:
 @pytest.mark.parametrize(
     ("table", "read", "row", "expected"),
     [
-        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,,0.4,0.8,G29,M84,,,,,,E", "width_mm='wide'"),
+        (printers.PRINTER_TABLE, printers._printer, "mine,M,wide,200,200,,0.4,0.8,G29,M84,,,,,,E", "width_mm='wide'"),
         (
             printers.PRINTER_TABLE,
             printers._printer,

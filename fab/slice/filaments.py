@@ -20,7 +20,7 @@ class Retraction:
     Attributes:
         length_mm: most that is drawn back; a printer with less keeps its own.
         speed_mm_s: of drawing it back and of pushing it forward.
-        travel_mm: shortest move without printing for which it is drawn back; inside a part it never is.
+        travel_mm: shortest move without printing for which it is drawn back; within infill it never is.
     """
 
     length_mm: float

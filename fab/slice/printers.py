@@ -84,6 +84,12 @@ class Printer:
         return [f"{x:g}x{y:g}" for x, y in corners(self.exclude_mm)] if self.exclude_mm else []
 
     @property
+    def prusa_presets(self) -> dict[str, str]:
+        """Names of the presets by the keys of PrusaSlicer; none where it has none."""
+        ids = {"printer_settings_id": self.prusa_printer, "print_settings_id": self.prusa_print}
+        return {key: name for key, name in ids.items() if name}
+
+    @property
     def size(self) -> str:
         """The printing space in words."""
         return f"{self.width_mm:g} x {self.depth_mm:g} x {self.height_mm:g} mm"

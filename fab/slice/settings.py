@@ -93,9 +93,7 @@ class PrintSettings:
             "bed_shape": ",".join(self.printer.corners),
             "max_print_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": f"{self.printer.nozzle_mm:g}",
-            **_named(
-                {"printer_settings_id": self.printer.prusa_printer, "print_settings_id": self.printer.prusa_print}
-            ),
+            **self.printer.prusa_presets,
             "use_relative_e_distances": "1",
             "layer_gcode": "G92 E0",
             "start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c),
@@ -223,11 +221,6 @@ def zone_region(wall_mm: float, fraction: float = RELEASED_GYROID) -> Region:
     """Region of the plain zone, open on all sides; arguments are those of :func:`native_density_percent`."""
     density = round(native_density_percent(wall_mm, fraction), 2)
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
-
-
-def _named(ids: dict[str, str]) -> dict[str, str]:
-    """The entries whose preset has a name."""
-    return {key: name for key, name in ids.items() if name}
 
 
 def part_settings(name: str, material: str, where: Printer | None = None) -> PrintSettings:

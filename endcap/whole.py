@@ -272,7 +272,7 @@ def _next(wanted: Wanted, folder: Path) -> str:
     printer = f" {printer_option(wanted.printer)}" if wanted.printer else ""
     sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)
     calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
-    coupons = coupons_command(material) + exports_words(wanted.exports)
+    coupons = coupons_command(material) + printer + exports_words(wanted.exports)
     return "\n".join([
         f"{coupons:<64} # print the fit coupon first; give what fits as joint_clearance=",
         f"{sheet:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",

@@ -48,8 +48,8 @@ def ring_command(data: SheetData) -> str:
 
 
 def coupons_line(data: SheetData) -> str:
-    """The command that makes the coupons, with the folder of exports where it is not the default."""
-    return coupons_command(data.layout.silicone) + data.exports_option
+    """The command that makes the coupons for this printer, with the folder of exports where it is not the default."""
+    return f"{coupons_command(data.layout.silicone)}{printer_words(data.printer)}{data.exports_option}"
 
 
 def program_command(module: str, params: EndcapParams, *words: str) -> str:

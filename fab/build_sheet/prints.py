@@ -76,11 +76,11 @@ def _coupon_words(data: SheetData) -> str:
     is_leaky = high < JOINT_CLEARANCE_RANGE_MM[1]
     wider = f", and {layout.silicone} would leak through a wider joint" if is_leaky else ""
     return (
-        f"First the fit coupon: {coupons_line(data)}, print fit_plate and fit_tab in PLA, fit_nuts in TPU, "
-        "in layers of 0.2 mm, flat as they lie in their files, with the filament and the printer of the mold. These "
+        f"First the fit coupon: {coupons_line(data)}, print its projects fit_joints in PLA, fit_nuts in TPU, with the "
+        "filament and the printer of the mold. These "
         f"molds have joints of {layout.joint_clearance_mm:g} mm a side. If another step of the coupon fits, make "
         f"them again with it (joint_clearance=). For this size it can be {low:g} to {high:g} mm{wider}. Where no such "
-        "step fits, correct the horizontal expansion in your slicer and print the coupon again."
+        "step fits, docs/coupons.md says by how much to correct the outlines in your slicer, of coupon and molds."
     )
 
 

@@ -17,6 +17,7 @@ from cad.typed_folder import EXPORTS
 from fab.checks.check import require_passed
 from fab.command import Command
 from fab.exports.whole_folder import whole_folder, write_record
+from fab.slice.printers import DEFAULT_PRINTER, printer
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,7 +32,11 @@ options, as NAME=VALUE:
   exports=DIR      folder that receives coupons/ (default: exports/)
   material=NAME    silicone of the bond specimens (default: {DEFAULT_SILICONE}); another gets a folder of its own,
                    for example coupons_Dragon-Skin-30/
+  printer=NAME     of the slicer projects of the fit coupons (default: {DEFAULT_PRINTER}), a row of
+                   fab/slice/printers.csv
 
+fit_joints.*.3mf, fit_nuts.*.3mf: slicer projects of fit_plate with fit_tab, and of fit_nuts, with the settings of the
+  molds and of the interface: a coupon printed with other settings fits other steps
 fit_plate, fit_tab: push the tab into the sockets from above; the first that slides by hand without play is yours.
   Notches count the step: {", ".join(f"{k + 1} = {gap:.2f}" for k, gap in enumerate(CLEARANCES_MM))} mm a side.
   Then: make molds D=130 T=8 joint_clearance=0.20
@@ -39,17 +44,18 @@ fit_nuts: pockets of {", ".join(f"{width:.2f}" for width in NUT_WIDTHS_MM)} mm f
   The second is the interface's.
 tensile_*, peel_*: bond specimens and their trays; evaluate with python -m fab.bond_tests DIR
 
-writes STL, STEP, 3MF, coupons.png, coupons.json; the folder appears whole, after every check, or not at all
+writes STL, STEP, 3MF, slicer projects, coupons.png, coupons.json; the folder appears whole, after every check, or not
+at all
 exit status: 0 written; 1 a check failed; 2 bad input or no place to write; 130 interrupted
 """
 
 
 COMMAND = Command(
     "make coupons",
-    "[exports=DIR] [material=NAME]",
+    "[exports=DIR] [material=NAME] [printer=NAME]",
     "Make the coupons that show the joint clearance of your printer and the strength of your bond.",
     HELP,
-    {"exports": EXPORTS, "material": DEFAULT_SILICONE},
+    {"exports": EXPORTS, "material": DEFAULT_SILICONE, "printer": DEFAULT_PRINTER},
 )
 
 
@@ -75,34 +81,40 @@ def main(argv: Sequence[str] | None = None) -> int:
     return COMMAND.run(
         argv,
         lambda options, interrupts: make_coupons(
-            Path(options["exports"]), options["material"], interrupts.raise_swallowed
+            Path(options["exports"]), options["material"], options["printer"], interrupts.raise_swallowed
         ),
     )
 
 
 def make_coupons(
-    exports: Path, material: str = DEFAULT_SILICONE, check_interrupt: Callable[[], None] = lambda: None
+    exports: Path,
+    material: str = DEFAULT_SILICONE,
+    where: str = DEFAULT_PRINTER,
+    check_interrupt: Callable[[], None] = lambda: None,
 ) -> int:
     """Build, check and write every coupon.
 
     Args:
         exports: folder that receives ``coupons``.
         material: silicone of the bond specimens, a row of materials.csv, in upper or lower case.
+        where: printer of the fit coupons, a row of printers.csv.
         check_interrupt: raises KeyboardInterrupt where a library swallowed one.
 
     Returns:
         0.
 
     Raises:
-        ParameterError: no such silicone.
+        ParameterError: no such silicone or printer, or its bed is too small for the fit coupons.
         ChecksFailedError: a check failed; nothing is left.
         FileError: the folder cannot be written.
     """
     from cad.coupons import coupon_parts
     from fab.coupons.mesh import coupon_meshes
+    from fab.coupons.projects import write_fit_projects
     from fab.pictures.parts import PictureItem, render_parts
 
     material = chosen("material", material, silicones(), "cad/materials.csv")
+    bed = printer(where)
     density = silicone(material).density_g_cm3
     label = "coupons" if material == DEFAULT_SILICONE else f"coupons_{file_name(material)}"
     with whole_folder(exports / label, RECORD, check_interrupt) as folder:
@@ -110,10 +122,13 @@ def make_coupons(
         meshes, walls = coupon_meshes(parts)
         write_parts(parts, meshes, folder)
         checks, volumes = checked(parts, folder)
+        projects = write_fit_projects(meshes, bed, folder)
         items = [PictureItem(name, meshes[name], part.color, part.material) for name, part in parts.items()]
         render_parts(items, folder / "coupons.png")
         lines = coupon_bom({name: part.material for name, part in parts.items()}, volumes, material, density)
         content = {
+            "printer": bed.name,
+            "projects": projects,
             "clearances_mm": CLEARANCES_MM,
             "nut_pockets_mm": NUT_WIDTHS_MM,
             "gyroid_wall_mm": {name: round(wall, 5) for name, wall in walls.items()},

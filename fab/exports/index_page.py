@@ -129,7 +129,7 @@ def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
     lines = "\n".join(f"{escape(command.ljust(width))}  # {escape(words)}" for command, words in steps)
     return (
         "<h2>What to do next</h2>\n<p>In the toolkit's folder, in this order. Print the fit coupon first "
-        f"(<code>{escape(coupons_command(variant.silicone))}</code>) and give what fits as joint_clearance=. "
+        f"(<code>{escape(coupons_command(variant.silicone) + asked)}</code>) and give what fits as joint_clearance=. "
         "Where this folder lies elsewhere than in the toolkit's exports/, add exports= with the folder that holds it. "
         f"Without the toolkit: slice the STL or 3MF files by hand.</p>\n<pre tabindex='0'>{lines}</pre>\n"
         '<p>Made by them, once they have run: <a href="sheet/build_sheet.html">build sheet</a>, '

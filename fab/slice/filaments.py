@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,45 @@ from cad.data_table import number, positive, read_table
 from cad.errors import ParameterError
 
 FILAMENT_TABLE = Path(__file__).with_name("filaments.csv")
+
+
+@dataclass(frozen=True)
+class Retraction:
+    """How a soft filament is drawn back, which a hard gear would otherwise grind: the same piece passes it many times.
+
+    Attributes:
+        length_mm: most that is drawn back; a printer with less keeps its own.
+        speed_mm_s: of drawing it back and of pushing it forward.
+        travel_mm: shortest move without printing for which it is drawn back; within infill it never is.
+    """
+
+    length_mm: float
+    speed_mm_s: float
+    travel_mm: float
+
+    def prusa(self, printer_mm: float) -> dict[str, str]:
+        """Settings by the keys of PrusaSlicer.
+
+        Args:
+            printer_mm: what the printer draws back of a stiff filament.
+        """
+        return {
+            "filament_retract_length": f"{min(self.length_mm, printer_mm):g}",
+            "filament_retract_speed": f"{self.speed_mm_s:g}",
+            "filament_deretract_speed": f"{self.speed_mm_s:g}",
+            "filament_retract_before_travel": f"{self.travel_mm:g}",
+            "only_retract_when_crossing_perimeters": "1",
+        }
+
+    def orca(self, printer_mm: float) -> dict[str, str | list[str]]:
+        """The same for OrcaSlicer and Bambu Studio."""
+        return {
+            "filament_retraction_length": [f"{min(self.length_mm, printer_mm):g}"],
+            "filament_retraction_speed": [f"{self.speed_mm_s:g}"],
+            "filament_deretraction_speed": [f"{self.speed_mm_s:g}"],
+            "filament_retraction_minimum_travel": [f"{self.travel_mm:g}"],
+            "reduce_infill_retraction": "1",
+        }
 
 
 @dataclass(frozen=True)
@@ -25,6 +65,7 @@ class Filament:
         bed_c: temperature of the bed, degrees Celsius.
         max_flow_mm3_s: largest flow of molten filament.
         fan_percent: speed of the fan that cools the part from the fourth layer on, over bridges too.
+        retraction: its own, for a soft filament; ``None`` where the printer's does.
         provenance: letter and source of the row's numbers.
     """
 
@@ -36,6 +77,7 @@ class Filament:
     bed_c: int
     max_flow_mm3_s: float
     fan_percent: int
+    retraction: Retraction | None
     provenance: str
 
 
@@ -79,8 +121,18 @@ def _filament(row: dict[str, str]) -> Filament:
         int(positive(row, "bed_c")),
         positive(row, "max_flow_mm3_s"),
         _percent(row, "fan_percent"),
+        _retraction(row),
         row["provenance"],
     )
+
+
+def _retraction(row: Mapping[str, str]) -> Retraction | None:
+    """The three columns that belong together: all are filled, or none."""
+    columns = ("retract_mm", "retract_mm_s", "retract_travel_mm")
+    if not any(row[column] for column in columns):
+        return None
+    length, speed, travel = (positive(dict(row), column) for column in columns)
+    return Retraction(length, speed, travel)
 
 
 def _percent(row: dict[str, str], column: str) -> int:

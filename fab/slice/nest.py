@@ -48,10 +48,12 @@ class Standing:
     Attributes:
         mesh: closed mesh, anywhere over the bed.
         brim_mm: width of its brim.
+        seam: (n,) code of each triangle, where walls may begin and end; ``None``: anywhere.
     """
 
     mesh: trimesh.Trimesh
     brim_mm: float
+    seam: np.ndarray | None = None
 
 
 def nested(parts: Mapping[str, Standing], where: Printer) -> list[list[Place]]:

@@ -1,7 +1,7 @@
 """Printers: rows of ``printers.csv`` with bed, nozzle, levelling, and the names of their presets in both slicers.
 
-Millimetres. The start is home, level, heat, and a line along the bed's left edge that fills the nozzle; the printer's
-own preset may do more (resonance, flow), and is the better start where the slicer has it: the projects carry its name.
+Millimetres. The start is home, level, heat, and a line along the bed's left edge that fills the nozzle, where no part
+lies; the printer's own preset may do more (resonance, flow), but fills the nozzle where parts may lie.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ class Printer:
         end: G-code lines after the print.
         prusa_printer, prusa_print: names of the presets in PrusaSlicer, empty where it has none.
         orca_printer, orca_process: the same in OrcaSlicer and Bambu Studio.
+        orca_filament: name of their presets of plain filaments, with ``*`` where PLA, PETG or TPU stands.
         provenance: where the numbers come from.
     """
 
@@ -63,6 +64,7 @@ class Printer:
     prusa_print: str
     orca_printer: str
     orca_process: str
+    orca_filament: str
     provenance: str
 
     @property
@@ -80,6 +82,12 @@ class Printer:
     def excluded_corners(self) -> list[str]:
         """Corners of what is excluded, as slicers write them; none where nothing is."""
         return [f"{x:g}x{y:g}" for x, y in corners(self.exclude_mm)] if self.exclude_mm else []
+
+    @property
+    def prusa_presets(self) -> dict[str, str]:
+        """Names of the presets by the keys of PrusaSlicer; none where it has none."""
+        ids = {"printer_settings_id": self.prusa_printer, "print_settings_id": self.prusa_print}
+        return {key: name for key, name in ids.items() if name}
 
     @property
     def size(self) -> str:
@@ -276,5 +284,6 @@ def _printer(row: dict[str, str]) -> Printer:
         row["prusa_print"],
         row["orca_printer"],
         row["orca_process"],
+        row["orca_filament"],
         row["provenance"],
     )

@@ -26,7 +26,9 @@ import trimesh
 from cad.whole_file import replace_file
 from fab.meshing.mesh import joined
 from fab.slice.printers import Printer
-from fab.slice.settings import PrintSettings, Region
+from fab.slice.region import Region
+from fab.slice.seams import FREE
+from fab.slice.settings import PrintSettings
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _PRUSA = "http://schemas.slic3r.org/3mf/2017/06"
@@ -57,11 +59,18 @@ class Volume:
         name: shown in the slicer's list.
         mesh: closed mesh, x and y about the bed's middle, z from the bed (mm).
         region: its own filling, or ``None`` for the part's.
+        seam: (n,) code of each triangle, where walls may begin and end (:mod:`fab.slice.seams`); ``None``: anywhere.
     """
 
     name: str
     mesh: trimesh.Trimesh
     region: Region | None = None
+    seam: np.ndarray | None = None
+
+    @property
+    def paint(self) -> np.ndarray:
+        """(n,) code of each triangle."""
+        return np.full(len(self.mesh.faces), FREE) if self.seam is None else self.seam
 
 
 @dataclass(frozen=True)
@@ -132,12 +141,15 @@ def write_prusa(project: Project, path: Path) -> None:
     """
     resources, items, objects = [], [], ["<config>"]
     for number, piece in enumerate(project.pieces, 1):
-        resources += _object(number, piece.name, joined([volume.mesh for volume in piece.volumes]))
+        paint = np.concatenate([volume.paint for volume in piece.volumes])
+        whole = joined([volume.mesh for volume in piece.volumes])
+        resources += _object(number, piece.name, whole, paint, "slic3rpe:custom_seam")
         items.append(f'<item objectid="{number}" transform="{_placed(project, piece)}"/>')
         objects += _prusa_object(number, piece)
     model = [
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}" xmlns:slic3rpe="{_PRUSA}">',
         ' <metadata name="slic3rpe:Version3mf">1</metadata>',
+        ' <metadata name="slic3rpe:SeamPaintingVersion">1</metadata>',
         f' <metadata name="Title">{project.name}</metadata>',
         " <resources>",
         *resources,
@@ -187,7 +199,7 @@ def write_orca(project: Project, path: Path) -> None:
         parts = range(number + 1, number + 1 + len(piece.volumes))
         whole = number = parts.stop
         for part, volume in zip(parts, piece.volumes, strict=True):
-            resources += _object(part, volume.name, volume.mesh)
+            resources += _object(part, volume.name, volume.mesh, volume.paint, "paint_seam")
         components = "".join(f'<component objectid="{part}"/>' for part in parts)
         resources.append(f'  <object id="{whole}" type="model"><components>{components}</components></object>')
         items.append(f'<item objectid="{whole}" transform="{_placed(project, piece)}"/>')
@@ -227,14 +239,18 @@ def _orca_object(whole: int, parts: range, piece: Piece) -> list[str]:
     return [*lines, " </object>"]
 
 
-def _object(number: int, name: str, mesh: trimesh.Trimesh) -> list[str]:
-    """The mesh as 3MF; nine figures, as many as float32 needs."""
+def _object(number: int, name: str, mesh: trimesh.Trimesh, paint: np.ndarray, attribute: str) -> list[str]:
+    """The mesh as 3MF; nine figures, as many as float32 needs. Painted triangles have their code as an attribute."""
     points = np.asarray(mesh.vertices, dtype=np.float32)
+    words = {int(code): f' {attribute}="{code}"' if code != FREE else "" for code in np.unique(paint)}
     return [
         f'  <object id="{number}" type="model" name={quoteattr(name)}><mesh><vertices>',
         *(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in points.tolist()),
         "</vertices><triangles>",
-        *(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in np.asarray(mesh.faces).tolist()),
+        *(
+            f'<triangle v1="{a}" v2="{b}" v3="{c}"{words[code]}/>'
+            for (a, b, c), code in zip(np.asarray(mesh.faces).tolist(), paint.tolist(), strict=True)
+        ),
         "</triangles></mesh></object>",
     ]
 

@@ -28,6 +28,7 @@ from fab.slice.nest import Place, Standing, nested
 from fab.slice.pose import laid_down, standing
 from fab.slice.printers import Printer, require_bed, turned
 from fab.slice.project_3mf import Piece, Project, Volume, single
+from fab.slice.seams import seam_paint
 from fab.slice.settings import part_settings, zone_region
 from fab.variant import Variant, variant_of
 
@@ -213,11 +214,10 @@ def _part_of(name: str) -> str:
 
 
 def _standing(export: Export, part: str) -> Standing:
-    """A part in its printing pose, with its brim."""
-    mesh = read_part(export, part)
-    points = standing(part, mesh)
-    brim = part_settings(part, export.printed[part]).brim_mm
-    return Standing(trimesh.Trimesh(points, mesh.faces, process=False, validate=False), brim)
+    """A part in its printing pose, with its brim and the places of its seams."""
+    mesh, settings = read_part(export, part), part_settings(part, export.printed[part])
+    upright = trimesh.Trimesh(standing(part, mesh), mesh.faces, process=False, validate=False)
+    return Standing(upright, settings.brim_mm, seam_paint(part, mesh, export.params))
 
 
 def build_project(export: Export, plate: Plate, where: Printer) -> Project:
@@ -242,7 +242,7 @@ def build_project(export: Export, plate: Plate, where: Printer) -> Project:
         points[:, 2] -= points[:, 2].min()
         mesh = trimesh.Trimesh(points.astype(np.float32), part.mesh.faces, process=False, validate=False)
         settings = part_settings(place.name, export.printed[place.name], where)
-        pieces.append(Piece(place.name, settings, (Volume(place.name, mesh),), place.place_mm))
+        pieces.append(Piece(place.name, settings, (Volume(place.name, mesh, seam=part.seam),), place.place_mm))
     return Project(plate.name, tuple(pieces))
 
 
@@ -255,7 +255,8 @@ def _single_project(export: Export, name: str, where: Printer) -> Project:
     mesh = read_part(export, part)
     if name == GYROID:
         return gyroid_project(export.params, mesh, material, where)
-    return single(name, part_settings(part, material, where), (Volume(part, laid_down(part, mesh, where)),))
+    volume = Volume(part, laid_down(part, mesh, where), seam=seam_paint(part, mesh, export.params))
+    return single(name, part_settings(part, material, where), (volume,))
 
 
 def infill_project(params: EndcapParams, material: str, where: Printer) -> Project:

@@ -16,8 +16,9 @@ from fab.checks.check import Check
 from fab.exports.whole_folder import file_sha256
 from fab.slice.measure import PrintFigures, ZoneFigures
 from fab.slice.project_3mf import Project, write_orca, write_prusa
+from fab.slice.region import Region
 from fab.slice.run import ModelInfo
-from fab.slice.settings import PrintSettings, Region
+from fab.slice.settings import PrintSettings
 from fab.slice.sliced import keep_sliced, measure_project, read_sliced, sliced_key
 
 FRACTION_TOLERANCE = 0.005  # of the zone's volume, for example 10 +- 0.5 %

@@ -16,71 +16,22 @@ from dataclasses import dataclass, field
 
 from cad.pattern import RELEASED_GYROID
 from fab.slice.filaments import Filament, filament
+from fab.slice.orca_presets import orca_presets, orca_type
 from fab.slice.printers import Printer, printer
+from fab.slice.region import Region
 
 FILAMENT_DIAMETER_MM = 1.75
 LAYER_MM = 0.2
 LINE_MM = 0.45
 ROUNDING_MM = LAYER_MM * (1 - math.pi / 4)  # width that a line lacks by its round sides (S, GYR02)
+FIRST_LAYER_MM_S = "20"
+BRIM_GAP_MM = "0.1"  # between part and brim; OrcaSlicer's default of 0 fuses them
 GYROID_LINE = 2.44  # length of line per area of a gyroid's section, times its period (S, GYR03)
 
 
-@dataclass(frozen=True)
-class Region:
-    """Infill and walls of one volume of a part.
-
-    Attributes:
-        walls: number of perimeters.
-        top_layers, bottom_layers: number of solid layers.
-        density_percent: of the infill.
-        pattern: of the infill.
-        anchor_mm: longest piece of infill that may run along a wall; ``None`` leaves the slicer's default.
-        solid_below_mm2: islands smaller than this are filled solid; ``None`` leaves the slicer's default.
-    """
-
-    walls: int
-    top_layers: int
-    bottom_layers: int
-    density_percent: float
-    pattern: str = "gyroid"
-    anchor_mm: float | None = None
-    solid_below_mm2: float | None = None
-
-    def prusa(self) -> dict[str, str]:
-        """Settings by the keys of PrusaSlicer."""
-        words = {
-            "perimeters": str(self.walls),
-            "top_solid_layers": str(self.top_layers),
-            "bottom_solid_layers": str(self.bottom_layers),
-            "fill_density": f"{self.density_percent:g}%",
-            "fill_pattern": self.pattern,
-        }
-        if self.anchor_mm is not None:
-            words |= {"infill_anchor": f"{self.anchor_mm:g}", "infill_anchor_max": f"{self.anchor_mm:g}"}
-        if self.solid_below_mm2 is not None:
-            words["solid_infill_below_area"] = f"{self.solid_below_mm2:g}"
-        return words
-
-    def orca(self) -> dict[str, str]:
-        """The same for OrcaSlicer and Bambu Studio."""
-        return {ORCA_NAMES[key]: ORCA_PATTERNS.get(value, value) for key, value in self.prusa().items()}
-
-
-ORCA_NAMES = {
-    "perimeters": "wall_loops",
-    "top_solid_layers": "top_shell_layers",
-    "bottom_solid_layers": "bottom_shell_layers",
-    "fill_density": "sparse_infill_density",
-    "fill_pattern": "sparse_infill_pattern",
-    "infill_anchor": "infill_anchor",
-    "infill_anchor_max": "infill_anchor_max",
-    "solid_infill_below_area": "minimum_sparse_infill_area",
-}
-ORCA_PATTERNS = {"rectilinear": "zig-zag"}
 # Keys of the bed's temperature, by kind of plate: where one is left out, the second layer cools that plate to 35 or 45.
-ORCA_PLATES = [
-    f"{plate}_plate_temp{end}" for plate in ("cool", "eng", "hot", "textured") for end in ("", "_initial_layer")
-]
+ORCA_BEDS = ("cool", "eng", "hot", "textured", "textured_cool", "supertack")
+ORCA_PLATES = [f"{plate}_plate_temp{end}" for plate in ORCA_BEDS for end in ("", "_initial_layer")]
 
 
 @dataclass(frozen=True)
@@ -135,16 +86,14 @@ class PrintSettings:
 
     def prusa(self) -> dict[str, str]:
         """The whole configuration for PrusaSlicer 2.5 and later."""
-        line, filament = f"{LINE_MM:g}", self.filament
+        line, filament, retraction = f"{LINE_MM:g}", self.filament, self.filament.retraction
         return {
             "printer_technology": "FFF",
             "gcode_flavor": "marlin2",
             "bed_shape": ",".join(self.printer.corners),
             "max_print_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": f"{self.printer.nozzle_mm:g}",
-            **_named(
-                {"printer_settings_id": self.printer.prusa_printer, "print_settings_id": self.printer.prusa_print}
-            ),
+            **self.printer.prusa_presets,
             "use_relative_e_distances": "1",
             "layer_gcode": "G92 E0",
             "start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c),
@@ -162,7 +111,8 @@ class PrintSettings:
             "support_material_auto": "1",
             "support_material_buildplate_only": "1",
             "support_material_threshold": "40",
-            "first_layer_speed": "20",
+            "brim_separation": BRIM_GAP_MM,
+            "first_layer_speed": FIRST_LAYER_MM_S,
             "filament_type": filament.type,
             "filament_diameter": f"{FILAMENT_DIAMETER_MM:g}",
             "filament_density": f"{filament.density_g_cm3:g}",
@@ -173,20 +123,22 @@ class PrintSettings:
             "fan_always_on": "1",
             "disable_fan_first_layers": "3",
             **dict.fromkeys(PRUSA_FANS, str(filament.fan_percent)),
+            **(retraction.prusa(self.printer.retract_mm) if retraction else {}),
         }
 
     def orca(self) -> dict[str, str | list[str]]:
         """The whole configuration for OrcaSlicer and Bambu Studio: one value as text, values by filament as lists."""
-        filament = self.filament
+        own = self._own_orca()
+        return {**own, **orca_presets(own, self.printer, self.filament)}
+
+    def _own_orca(self) -> dict[str, str | list[str]]:
+        filament, retraction = self.filament, self.filament.retraction
         return {
             "printable_area": list(self.printer.corners),
             **({"bed_exclude_area": self.printer.excluded_corners} if self.printer.exclude_mm else {}),
             "printable_height": f"{self.printer.height_mm:g}",
             "nozzle_diameter": [f"{self.printer.nozzle_mm:g}"],
             "retraction_length": [f"{self.printer.retract_mm:g}"],
-            **_named(
-                {"printer_settings_id": self.printer.orca_printer, "print_settings_id": self.printer.orca_process}
-            ),
             "machine_start_gcode": self.printer.start_gcode(filament.nozzle_c, filament.bed_c).replace("\\n", "\n"),
             "machine_end_gcode": self.printer.end_gcode.replace("\\n", "\n"),
             "use_relative_e_distances": "1",
@@ -200,10 +152,12 @@ class PrintSettings:
             "xy_hole_compensation": f"{-self.grow_mm:g}",
             **self.piece_orca(),
             "skirt_loops": "0",
+            "brim_object_gap": BRIM_GAP_MM,
+            **dict.fromkeys(("initial_layer_speed", "initial_layer_infill_speed"), FIRST_LAYER_MM_S),
             "support_type": "normal(auto)",
             "support_on_build_plate_only": "1",
             "support_threshold_angle": "40",
-            "filament_type": ["TPU" if filament.type == "FLEX" else filament.type],
+            "filament_type": [orca_type(filament)],
             "filament_diameter": [f"{FILAMENT_DIAMETER_MM:g}"],
             "filament_density": [f"{filament.density_g_cm3:g}"],
             "filament_cost": [f"{filament.price_usd_kg:g}"],
@@ -214,6 +168,7 @@ class PrintSettings:
             "reduce_fan_stop_start_freq": ["1"],
             "close_fan_the_first_x_layers": ["3"],
             **{key: [str(filament.fan_percent)] for key in ORCA_FANS},
+            **(retraction.orca(self.printer.retract_mm) if retraction else {}),
         }
 
 
@@ -266,11 +221,6 @@ def zone_region(wall_mm: float, fraction: float = RELEASED_GYROID) -> Region:
     """Region of the plain zone, open on all sides; arguments are those of :func:`native_density_percent`."""
     density = round(native_density_percent(wall_mm, fraction), 2)
     return Region(0, 0, 0, density, "gyroid", anchor_mm=0.0, solid_below_mm2=0.0)
-
-
-def _named(ids: dict[str, str]) -> dict[str, str]:
-    """The entries whose preset has a name."""
-    return {key: name for key, name in ids.items() if name}
 
 
 def part_settings(name: str, material: str, where: Printer | None = None) -> PrintSettings:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 import trimesh
+from strict_3mf import read_strictly
 
 import cad.coupons as coupons
 from cad.bought import bought_mm
@@ -24,8 +27,11 @@ from fab.checks.fit import bed_check
 from fab.coupons.__main__ import coupon_bom, main
 from fab.coupons.checks import closed_share, coupon_checks, solid_checks
 from fab.coupons.mesh import with_gyroid
+from fab.coupons.projects import write_fit_projects
 from fab.meshing.mesh import tessellate
 from fab.slice.filaments import filament
+from fab.slice.printers import printer
+from fab.slice.settings import part_settings
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "coupons.md"
 
@@ -199,3 +205,38 @@ def test_a_failed_check_leaves_nothing(monkeypatch, capsys, tmp_path):
     assert main([f"exports={tmp_path}"]) == 1
     assert "fit_plate.socket_3_gap_mm = 0.2, wanted 0.1 .. 0.15" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_fit_coupons_have_projects_with_the_settings_of_what_they_stand_for(parts, tmp_path):
+    """Printed with a slicer's own settings, a coupon fits another step than the molds."""
+    meshes = {name: tessellate(parts[name].solid) for name in ("fit_plate", "fit_tab", "fit_nuts")}
+    where = printer("a1_mini")
+    files = write_fit_projects(meshes, where, tmp_path)
+    assert sorted(files) == sorted(path.name for path in tmp_path.iterdir()) and len(files) == 4
+    same = ("perimeters", "perimeter_generator", "elefant_foot_compensation", "xy_size_compensation", "temperature")
+    for name, part, material in (("fit_joints", "cup_collar_1", "PLA"), ("fit_nuts", "interface", "TPU 95A")):
+        config = ZipFile(tmp_path / f"{name}.prusa.3mf").read("Metadata/Slic3r_PE.config").decode()
+        found = dict(line[2:].split(" = ", 1) for line in config.splitlines())
+        wanted = part_settings(part, material, where).prusa()
+        assert [found[key] for key in same] == [wanted[key] for key in same]
+        assert found["bed_shape"] == "0x0,180x0,180x180,0x180"
+    placed = read_strictly(tmp_path / "fit_joints.prusa.3mf").GetBuildItems()
+    middles = []
+    while placed.MoveNext():
+        middles.append(placed.GetCurrent().GetObjectTransform().Fields[3][:2])
+    depths = [meshes[name].extents[1] for name in ("fit_plate", "fit_tab")]
+    assert abs(middles[0][1] - middles[1][1]) >= sum(depths) / 2 + 3
+    assert all(y - depth / 2 > 0 and y + depth / 2 < 180 for (_, y), depth in zip(middles, depths, strict=True))
+
+
+def test_an_unknown_printer_of_the_coupons_is_refused_before_anything_is_made(capsys, tmp_path):
+    assert main(["printer=mk5", f"exports={tmp_path}"]) == 2
+    assert "printer=mk5 is not in fab/slice/printers.csv" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_the_page_corrects_outlines_by_half_the_difference(parts):
+    """Both parts of a joint give way: the gap grows by twice the correction on each side."""
+    words = " ".join(PAGE.read_text(encoding="utf-8").split())
+    found = re.search(r"e\.g\. (-[0-9.]+) mm for ([0-9.]+) where ([0-9.]+) is allowed", words)
+    correction, fits, allowed = (float(number) for number in found.groups())
+    assert allowed - 2 * correction == pytest.approx(fits)

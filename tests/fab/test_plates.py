@@ -46,20 +46,21 @@ def box(x: float, y: float, z: float) -> trimesh.Trimesh:
 @pytest.mark.parametrize(
     ("table", "read", "row", "expected"),
     [
-        (printers.PRINTER_TABLE, printers._printer, "mine,Mine,wide,200,200,,0.4,0.8,G29,M84,,,,,E", "width_mm='wide'"),
+        (printers.PRINTER_TABLE, printers._printer, "mine,M,wide,200,200,,0.4,0.8,G29,M84,,,,,,E", "width_mm='wide'"),
         (
             printers.PRINTER_TABLE,
             printers._printer,
-            "mine,M,200,200,200,18|28,0.4,0.8,G29,M84,,,,,E",
+            "mine,M,200,200,200,18|28,0.4,0.8,G29,M84,,,,,,E",
             "exclude='18|28' is no",
         ),
         (printers.PRINTER_TABLE, printers._printer, "mine,Mine,200", "not one value for each column"),
-        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,0,E", "density_g_cm3='-1'"),
-        (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,100,E", "is there twice"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "ABS,ABS,-1,20,250,100,9,0,,,,E", "density_g_cm3='-1'"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "TPE,TPU,1.1,20,250,100,9,0,2,,5,E", "retract_mm_s=''"),
+        (filaments.FILAMENT_TABLE, filaments._filament, "PLA,PLA,1.2,20,250,100,9,100,,,,E", "is there twice"),
         (
             filaments.FILAMENT_TABLE,
             filaments._filament,
-            "ABS,ABS,1.1,20,250,100,9,101,E",
+            "ABS,ABS,1.1,20,250,100,9,101,,,,E",
             "fan_percent='101' outside 0..100",
         ),
     ],

@@ -13,7 +13,7 @@ from fab.slice.gcode import _Reader, read_gcode
 from fab.slice.printers import printers
 from fab.slice.project_3mf import Volume, single, write_prusa
 from fab.slice.run import NAMES, slice_to_gcode
-from fab.slice.settings import part_settings
+from fab.slice.settings import part_settings, zone_region
 
 SLICER = next((path for name in NAMES if (path := shutil.which(name))), None)
 
@@ -83,3 +83,29 @@ def test_filament_is_drawn_back_as_far_as_the_printers_own_profile_draws_it():
         settings, retract = part_settings("base", "PLA", each), "5" if name == "ender3" else "0.8"
         assert settings.prusa()["retract_length"] == retract, name
         assert settings.orca()["retraction_length"] == [retract], name
+
+
+@pytest.mark.skipif(SLICER is None, reason="PrusaSlicer is not installed: run scripts/slicer.sh")
+@pytest.mark.parametrize("name", ["ender3", "mk4"])
+def test_tpu_is_not_ground_by_being_drawn_back_again_and_again(tmp_path, name):
+    """The zone's lines end at its sides: drawn back at each, 10 mm of TPU passed the gear 45 times, 5 mm each."""
+    flange, zone = trimesh.creation.annulus(20, 30, 1.0), trimesh.creation.annulus(22, 29, 2.0)
+    flange.apply_translation((0, 0, 0.5))
+    zone.apply_translation((0, 0, 2.0))
+    where = printers()[name]
+    volumes = (Volume("flange", flange), Volume("zone", zone, zone_region(7.0)))
+    write_prusa(single("zone", part_settings("interface", "TPU 95A", where), volumes), tmp_path / "zone.3mf")
+    slice_to_gcode(SLICER, tmp_path / "zone.3mf", tmp_path / "zone.gcode", where)
+    fed_mm, backs = 0.0, []
+    for line in (tmp_path / "zone.gcode").read_text().split(";LAYER_CHANGE", 1)[1].splitlines():
+        if found := re.match(r"G1 .*E(-?[0-9.]+)", line):
+            amount = float(found[1])
+            if amount < 0:
+                backs.append((fed_mm, -amount))
+            elif "X" in line or "Y" in line:
+                fed_mm += amount
+    assert {amount for _, amount in backs} == {min(2.0, where.retract_mm)}
+    most = max(sum(at <= other < at + 10.0 for other, _ in backs) for at, _ in backs)
+    assert most <= 15
+    assert part_settings("interface", "TPU 95A", where).orca()["reduce_infill_retraction"] == "1"
+    assert not any("filament_retract" in key for key in part_settings("base", "PLA", where).prusa())

@@ -218,9 +218,10 @@ def test_the_first_picture_after_a_knock_under_a_touch_waits_for_the_next(stays)
     shown = [*[REST] * 12, *[pressed] * 4, knocked, *([knocked] * 2 if stays else [pressed] * 2)]
     *_, before, first, second, third = [r for r in map(pipeline().update, frames(jpegs(*shown))) if r is not None]
     assert "unconfirmed" in first.wrench.flags and "waiting for the next" in first.reason
-    assert np.abs(first.wrench.force_n - before.wrench.force_n).max() < 0.1 * np.abs(
-        first.estimate.force_n - before.estimate.force_n
-    ).max()
+    assert (
+        np.abs(first.wrench.force_n - before.wrench.force_n).max()
+        < 0.1 * np.abs(first.estimate.force_n - before.estimate.force_n).max()
+    )
     for reading in (second, third):
         assert ("moved" in reading.wrench.flags) is stays and "unconfirmed" not in reading.wrench.flags
     assert before.wrench.flags.isdisjoint({"unconfirmed", "moved"})

@@ -251,7 +251,7 @@ def _refuse_leaks(model: WrenchModel | None, training: Samples | None, test: Sam
         shared += shared_between(training, test)
     if shared:
         raise ParameterError(
-            f"{test.source}: shares {len(shared)} paths, poses or pictures with the training ({shared[0]}): its errors "
+            f"{test.where}: shares {len(shared)} paths, poses or pictures with the training ({shared[0]}): its errors "
             "would be flattering; make a test set with another --seed",
             name="test",
             value=shared[0],

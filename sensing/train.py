@@ -122,8 +122,8 @@ def _read(
     pictures = read_all(pictured, "dots", shape, radial) if pictured else None
     others = read_all(options.others, options.method, shape, radial) if options.others else None
     if others is not None:
-        fix = f"give folders of the endcap of {samples.source}"
-        require_same(others.source, "data", others.identity, samples.identity, fix, MUST_AGREE)
+        fix = f"give folders of the endcap of {samples.where}"
+        require_same(others.where, "data", others.identity, samples.identity, fix, MUST_AGREE)
     return samples, pictures, others
 
 

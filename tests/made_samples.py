@@ -43,5 +43,5 @@ def made_samples(paths=24, frames=12, seed=0, noise=0.01):
     return Samples(
         fields.astype(np.float32), np.ones((count, SIDE, SIDE), bool), wrenches, path, np.full(count, "load"),
         np.tile(np.arange(frames) / 30, paths), np.linalg.norm(wrenches[:, :3], axis=1) > 0.3, nan, nan, nan, PARAMS,
-        "dots", "made",
+        "dots", ("made",),
     )  # fmt: skip

@@ -114,7 +114,7 @@ def design_weights(
             write_labelled(look, with_azimuths(paths, PICTURE_AZIMUTHS), source, folder / "pictures", shell)
             pictured = read_all([folder / "pictures"], "dots", SHAPE)
         say("fields of 32 domain-randomised sensors")
-        samples = replace(read_all([folder / "states"], MARKERS, SHAPE), source="library")
+        samples = replace(read_all([folder / "states"], MARKERS, SHAPE), sources=("library",))
         say("training")
         model = fit(samples, config, pictures=pictured)
         model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))

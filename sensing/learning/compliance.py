@@ -56,7 +56,7 @@ def fit_compliance(samples: Samples) -> ComplianceInverse:
     usable = samples.take(samples.contact & np.isfinite(samples.tilt_deg + samples.azimuth_deg))
     if not len(usable):
         raise ParameterError(
-            f"{samples.source}: no sample with contact and a known place: the physics inverse is fitted to those",
+            f"{samples.where}: no sample with contact and a known place: the physics inverse is fitted to those",
             name="samples",
         )
     tilts = np.unique(usable.tilt_deg.round(1))

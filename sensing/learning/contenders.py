@@ -96,7 +96,7 @@ def read_all(
             folder, "data", part.identity, parts[0].identity, f"give folders of one endcap ({folders[0]})", MUST_AGREE
         )
     joined: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_ARRAYS}
-    return replace(parts[0], **joined, source=" ".join(map(str, folders)))
+    return replace(parts[0], **joined, sources=tuple(map(str, folders)))
 
 
 def held_out(views: Views, what: str, seed: int = 0) -> tuple[Views, Views]:

@@ -28,7 +28,7 @@ def provenance(
     known = set((before or {}).get("paths", ()))
     seen = [samples] if others is None else [samples, others]
     return {
-        "sources": [Path(name).name for part in seen for name in part.source.split()],
+        "sources": [Path(name).name for part in seen for name in part.sources],
         "paths": sorted(known.union(*(map(str, part.path) for part in seen))),
         "frames": len(samples),
         "config": asdict(config),

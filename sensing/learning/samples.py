@@ -70,7 +70,7 @@ class Samples:
         tilt_deg, azimuth_deg, friction: (N,) place of contact, degrees, and Coulomb's mu; NaN where unknown.
         design: design of the endcap.
         method: method of the field.
-        source: folder of the frames.
+        sources: folders of the frames.
         identity: identity of the endcap; None for this toolkit's pattern and default silicone.
     """
 
@@ -86,7 +86,7 @@ class Samples:
     friction: NDArray[np.float64]
     design: EndcapParams
     method: str
-    source: str
+    sources: tuple[str, ...]
     identity: Identity | None = None
 
     def __len__(self) -> int:
@@ -105,7 +105,12 @@ class Samples:
                 f"wrenches of shape {self.wrenches.shape}: (N, 6) needed, no axis missing", name="wrenches"
             )
         if not (np.isfinite(self.fields).all() and np.isfinite(self.wrenches).all()):
-            raise ParameterError(f"{self.source}: fields or wrenches that are not finite: drop them", name="fields")
+            raise ParameterError(f"{self.where}: fields or wrenches that are not finite: drop them", name="fields")
+
+    @property
+    def where(self) -> str:
+        """The folders in words, for messages."""
+        return ", ".join(self.sources)
 
     @property
     def inputs(self) -> NDArray[np.float64]:
@@ -140,7 +145,7 @@ class Samples:
         paths = np.unique(self.path)
         if len(paths) < 2:
             raise ParameterError(
-                f"{self.source}: {len(paths)} loading path(s), at least 2 needed to part them: record more", name="path"
+                f"{self.where}: {len(paths)} loading path(s), at least 2 needed to part them: record more", name="path"
             )
         count = int(np.clip(min(round(share * len(paths)), most), 1, len(paths) - 1))
         aside = np.isin(self.path, np.random.default_rng(seed).permutation(paths)[:count])
@@ -205,7 +210,7 @@ def read_samples(
         rows = {name: np.array(values) for name, values in found.items()}
         _keep(cache, rows, digest)
     stands_for = "dots" if method == MARKERS else method
-    return Samples(**rows, design=design, method=stands_for, source=str(folder), identity=data.identity)
+    return Samples(**rows, design=design, method=stands_for, sources=(str(folder),), identity=data.identity)
 
 
 def _tracked(

@@ -17,6 +17,7 @@ pytest.importorskip("safetensors")
 
 from sensing.learning.fit_config import FitConfig  # noqa: E402
 from sensing.learning.fitting import fit  # noqa: E402
+from sensing.learning.provenance import provenance  # noqa: E402
 from sensing.learning.reference_loads import wrench_scale  # noqa: E402
 from sensing.learning.ridge import fit_ridge  # noqa: E402
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, plane_map, symmetric_moments  # noqa: E402
@@ -195,3 +196,8 @@ def test_weights_that_saw_no_recorded_path_state_so(data):
     assert learned_from_simulation(fit(later, few, start=simulated))
     assert not learned_from_simulation(fit(later, few, start=real))
     assert not learned_from_simulation(fit(recorded, few, start=simulated))
+
+
+def test_weights_name_the_folders_that_they_saw_though_a_name_has_a_space(data):
+    seen = replace(data, sources=("/home/jane doe/set one", "exports/train"))
+    assert provenance(seen, QUICK, None)["sources"] == ["set one", "train"]

@@ -16,6 +16,7 @@ from sensing.sources.newest import Health
 
 WINDOW = 600  # readings looked back on
 RATE_S = 2.0
+DROPS_S = 5.0  # looked back on for the share of frames that is dropped
 STAGES = 60  # readings whose stages are looked at
 HOLD_S = 0.5  # times are looked up anew this often
 
@@ -32,6 +33,7 @@ class EndcapHealth:
         message: what is wrong; empty when nothing is.
         frames: readings so far.
         dropped: frames nobody took in time.
+        dropped_share: of the frames of the last seconds.
         faults: frames that could not be used.
         rate_hz: readings a second.
         age_s: since the capture of the last one.
@@ -53,6 +55,7 @@ class EndcapHealth:
     message: str
     frames: int
     dropped: int
+    dropped_share: float
     faults: int
     rate_hz: float
     age_s: float
@@ -78,6 +81,7 @@ class _Timing:
     p99_ms: float = float("nan")
     work_ms: float = float("nan")
     stage_ms: dict[str, float] = field(default_factory=dict)
+    dropped_share: float = 0.0
 
 
 class EndcapStats:
@@ -91,6 +95,7 @@ class EndcapStats:
         self._ready_s = np.full(WINDOW, -np.inf)
         self._stages: deque[Mapping[str, float]] = deque(maxlen=STAGES)
         self._timing = _Timing(0.0)
+        self._counts: deque[tuple[float, int, int]] = deque()  # time, readings and drops so far
 
     def add(self, reading: EndcapReading) -> None:
         """Take one reading."""
@@ -118,7 +123,7 @@ class EndcapStats:
         """
         now, last = time.monotonic(), self.last
         if fresh or now > self._timing.until_s:
-            self._timing = self._look(now)
+            self._timing = self._look(now, source.dropped)
         timing = self._timing
         dots = (0, 0) if last is None else last.dots
         return EndcapHealth(
@@ -129,6 +134,7 @@ class EndcapStats:
             message=condition.message,
             frames=self.frames,
             dropped=source.dropped,
+            dropped_share=timing.dropped_share,
             faults=faults,
             rate_hz=float(np.count_nonzero(self._ready_s > now - RATE_S) / RATE_S),
             age_s=float("nan") if last is None else now - last.captured_s,
@@ -145,16 +151,26 @@ class EndcapStats:
             undoable=undoable,
         )
 
-    def _look(self, now: float) -> _Timing:
+    def _look(self, now: float, dropped: int) -> _Timing:
+        share = self._dropped_share(now, dropped)
         latency, stages = np.sort(self._latency_ms[: self.frames]), list(self._stages)
         if not stages or not latency.size:  # none yet, or the first is just being added
-            return _Timing(now + HOLD_S)
+            return _Timing(now + HOLD_S, dropped_share=share)
         names = dict.fromkeys(name for stage in stages for name in stage)
         times = np.array([[stage.get(name, np.nan) for name in names] for stage in stages])
         medians = dict(zip(names, _medians(times).tolist(), strict=True))
         last = latency[min(len(latency) - 1, round(0.99 * len(latency)))]
         work = _medians(np.nansum(times, axis=1)[:, None])[0]
-        return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), float(work), medians)
+        return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), float(work), medians, share)
+
+    def _dropped_share(self, now: float, dropped: int) -> float:
+        """Share of the frames of the last :data:`DROPS_S` that nobody took in time."""
+        self._counts.append((now, self.frames, dropped))
+        while self._counts[0][0] < now - DROPS_S:
+            self._counts.popleft()
+        _, frames_before, dropped_before = self._counts[0]
+        lost = dropped - dropped_before
+        return lost / max(1, lost + self.frames - frames_before)
 
 
 def _drift(reading: EndcapReading) -> str:

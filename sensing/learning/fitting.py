@@ -70,8 +70,7 @@ def fit(
         start: weights that are fine-tuned: their answers are first mapped to the new labels, then the perceptrons are
             trained further, with more principal fields where ``config`` has more.
         progress: called after each epoch with (part, seconds, error).
-        checkpoint: file of the training's state; an interrupted training with the same samples and settings continues.
-            The caller removes it when the weights are saved.
+        checkpoint: file of the state, from which the same training goes on; the caller removes it after saving weights.
         pictures: the same paths through the real tracker, if there are pictures; the covariance is then scaled on
             those of its calibration paths, because domain-randomised sensors lack some errors of real ones.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and

@@ -270,7 +270,8 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank exports='my endcaps'"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
-    assert len(commands) == 8
+    assert len(commands) == 9
+    assert any("-m sensing.weigh" in command for command in commands)
     assert "make train D=150 T=9 material='Dragon Skin 30'" in text
     assert "-m sensing.setup --diameter 150 --wall 9 --silicone 'Dragon Skin 30'" in text
     assert f"make slice {variant}, then make sheet {variant} again" in text

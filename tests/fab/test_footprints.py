@@ -46,7 +46,7 @@ def test_a_bed_without_room_beside_its_margin_takes_nothing(width, depth, tmp_pa
     for size in (1.0, 1e-3):
         assert fitting_turn_deg(size * points, where) is None and room_left_mm(size * points, where) < 0
     copy = tmp_path / "printers.csv"
-    row = f"tiny,Tiny,{width:g},{depth:g},200,,0.4,0.8,G29,M84,,,,,E\n"
+    row = f"tiny,Tiny,{width:g},{depth:g},200,,0.4,0.8,G29,M84,,,,,,E\n"
     copy.write_text(printers.PRINTER_TABLE.read_text() + row)
     with pytest.raises(FileError, match=r"printers.csv line \d+ \(tiny\): (width|depth)_mm=[78] is not over 8: 4 mm"):
         read_table(copy, printers._printer)

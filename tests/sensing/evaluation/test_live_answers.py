@@ -26,8 +26,9 @@ CAST_OF = "Dragon Skin 30"
 def data(tmp_path) -> SimpleNamespace:
     """What is read of a labelled set of an endcap with its own dots, cast of another silicone."""
     return SimpleNamespace(
-        params=OWN, identity=identity(OWN, CAST_OF), silicone=CAST_OF, folder=tmp_path, require_whole=lambda: None
-    )
+        params=OWN, identity=identity(OWN, CAST_OF), silicone=CAST_OF, folder=tmp_path, require_whole=lambda: None,
+        has_pictures=True,
+    )  # fmt: skip
 
 
 def test_the_endcap_of_the_pipeline_is_that_of_the_set(data):

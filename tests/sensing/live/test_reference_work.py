@@ -24,9 +24,9 @@ def test_each_picture_of_a_reference_is_searched_and_cut_once(monkeypatch):
     for module in (tracker, recovery):
         counted(module, "cut_patches")
     pipe = pipeline("endcap_0", 0, zero_frames=3)
-    request = pipe._taker._request
+    request = pipe.taker._request
     request.frames[:] = frames(film([0] * 3))
-    made = pipe._taker._checked(request, None)
+    made = pipe.taker._checked(request, None)
     assert len(made.method.tracker.dots) < len(made.method.tracker.found)  # some were left out, and not cut anew
     assert counts == {"find_dots": 2, "cut_patches": 3}
     assert "cells" not in vars(made.method.tracker.operator)  # a tracker needs no field

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cad.bought import bought_mm
+from cad.leak import GRAVITY_M_S2
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.judging import COLD_C, WARM_C
@@ -10,8 +11,6 @@ from fab.build_sheet.shopping import safety
 from fab.build_sheet.steps import stage_blocks
 from fab.lift import lift_g, lift_kg
 from fab.recipe import RELEASE_AGENT, Recipe, millilitres
-
-GRAVITY_N_KG = 9.81
 
 
 def silicone(data: SheetData) -> list[Block]:
@@ -68,7 +67,7 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 
 def casting(data: SheetData) -> list[Block]:
     """Steps from the nuts to the closed mold."""
-    lift_n, reach = GRAVITY_N_KG * lift_g(data.layout, data.recipe) / 1000, bolt_reach_mm(data)
+    lift_n, reach = GRAVITY_M_S2 * lift_g(data.layout, data.recipe) / 1000, bolt_reach_mm(data)
     vacuum = "vacuum chamber and pump, " if data.recipe.is_degassed else ""
     return [
         Heading("Cast", 1),

@@ -10,7 +10,7 @@ import trimesh
 
 from fab.slice.pose import laid_down
 from fab.slice.printers import Printer
-from fab.slice.project_3mf import Piece, Project, Volume, single, write_orca, write_prusa
+from fab.slice.project_3mf import Piece, Project, Volume, single, write_both
 from fab.slice.settings import PrintSettings, part_settings
 
 JOINTS, NUTS = "fit_joints", "fit_nuts"
@@ -30,12 +30,8 @@ def write_fit_projects(meshes: Mapping[str, trimesh.Trimesh], where: Printer, fo
         ParameterError: a coupon does not fit the bed.
         FileError: a file could not be written.
     """
-    files = []
-    for project in (_joints(meshes, where), single(NUTS, _settings(NUTS, where), (_volume(NUTS, meshes, where),))):
-        for dialect, write in (("prusa", write_prusa), ("orca", write_orca)):
-            files.append(f"{project.name}.{dialect}.3mf")
-            write(project, folder / files[-1])
-    return files
+    nuts = single(NUTS, _settings(NUTS, where), (_volume(NUTS, meshes, where),))
+    return [path.name for project in (_joints(meshes, where), nuts) for path in write_both(project, folder)]
 
 
 def _joints(meshes: Mapping[str, trimesh.Trimesh], where: Printer) -> Project:

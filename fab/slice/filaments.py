@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -126,12 +125,12 @@ def _filament(row: dict[str, str]) -> Filament:
     )
 
 
-def _retraction(row: Mapping[str, str]) -> Retraction | None:
+def _retraction(row: dict[str, str]) -> Retraction | None:
     """The three columns that belong together: all are filled, or none."""
     columns = ("retract_mm", "retract_mm_s", "retract_travel_mm")
     if not any(row[column] for column in columns):
         return None
-    length, speed, travel = (positive(dict(row), column) for column in columns)
+    length, speed, travel = (positive(row, column) for column in columns)
     return Retraction(length, speed, travel)
 
 

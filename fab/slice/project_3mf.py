@@ -129,6 +129,22 @@ def single(name: str, settings: PrintSettings, volumes: tuple[Volume, ...]) -> P
     return Project(name, (Piece(name, settings, volumes),))
 
 
+def write_both(project: Project, folder: Path) -> tuple[Path, Path]:
+    """Write a project in both dialects; return the paths, PrusaSlicer's first.
+
+    Args:
+        project: one plate.
+        folder: receives ``<name>.prusa.3mf`` and ``<name>.orca.3mf``.
+
+    Raises:
+        FileError: a file could not be written.
+    """
+    prusa, orca = folder / f"{project.name}.prusa.3mf", folder / f"{project.name}.orca.3mf"
+    write_prusa(project, prusa)
+    write_orca(project, orca)
+    return prusa, orca
+
+
 def write_prusa(project: Project, path: Path) -> None:
     """Write a project for PrusaSlicer 2.5 and later.
 

@@ -15,7 +15,7 @@ from fab.cache import Cache
 from fab.checks.check import Check
 from fab.exports.whole_folder import file_sha256
 from fab.slice.measure import PrintFigures, ZoneFigures
-from fab.slice.project_3mf import Project, write_orca, write_prusa
+from fab.slice.project_3mf import Project, write_both
 from fab.slice.region import Region
 from fab.slice.run import ModelInfo
 from fab.slice.settings import PrintSettings
@@ -151,9 +151,7 @@ def slice_project(
     Raises:
         FileError: the slicer refused the project, or a file could not be written.
     """
-    prusa, orca = folder / f"{project.name}.prusa.3mf", folder / f"{project.name}.orca.3mf"
-    write_prusa(project, prusa)
-    write_orca(project, orca)
+    prusa, orca = write_both(project, folder)
     files = {path.name: file_sha256(path) for path in (prusa, orca)}
     key = sliced_key(cache, slicer, project, files[prusa.name], params) if cache else ""
     sliced = read_sliced(cache, key) if cache and not keep_gcode else None

@@ -35,11 +35,10 @@ from sensing.learning.principal import leading, pattern_tensor, principal_fields
 from sensing.learning.provenance import provenance
 from sensing.learning.reference_loads import in_reference_loads, rescaled, wrench_scale
 from sensing.learning.ridge import UNITS
-from sensing.learning.samples import Samples
+from sensing.learning.samples import Samples, are_simulated
 from sensing.learning.symmetry import COUNT, moved_inputs, moved_wrenches, symmetric_gram, symmetric_moments
 from sensing.wrench.model import WrenchModel, tolerance
 from sensing.wrench.range import NORMAL_95
-from sensing.wrench.simulation_spread import are_simulated
 from sensing.wrench.tensors import RADIAL
 from sensing.wrench.weight_files import SIMULATED
 

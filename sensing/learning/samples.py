@@ -14,7 +14,7 @@ import hashlib
 import io
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
-from sensing.records_labelled import COLUMNS, LabelledSet, read_shard
+from sensing.records_labelled import COLUMNS, RECORDED, LabelledSet, read_shard
 from sensing.tracking.methods import FieldMethod, field_method
 from sensing.tracking.model_input import model_input
 from sensing.tracking.zero import single_zero
@@ -150,6 +150,15 @@ class Samples:
         count = int(np.clip(min(round(share * len(paths)), most), 1, len(paths) - 1))
         aside = np.isin(self.path, np.random.default_rng(seed).permutation(paths)[:count])
         return self.take(~aside), self.take(aside)
+
+
+def are_simulated(paths: Iterable[str]) -> bool:
+    """Whether none of the loading paths of a training was recorded from a real endcap.
+
+    Args:
+        paths: their identities (:meth:`sensing.records_labelled.LabelledSet.path_name`).
+    """
+    return not any(path.startswith(f"{RECORDED}-") for path in paths)
 
 
 def shared_between(train: Samples, test: Samples) -> list[str]:

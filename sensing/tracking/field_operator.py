@@ -179,19 +179,17 @@ def field_operator(
     precision = np.linalg.inv(gram)
     precision = (precision + precision.T) / 2
     gradient = _kernel_gradient(dots) @ precision
-
-    def points() -> NDArray[np.float64]:
-        return (_cell_points(size, shape)[1] - origin) / (length_px * scale)
+    centres, samples = _cell_points(size, shape)
+    points = (samples - origin) / (length_px * scale)
 
     def make_cells() -> CellMaps:
-        mean_kernel = _kernel(points(), dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
-        centres = _cell_points(size, shape)[0]
+        mean_kernel = _kernel(points, dots).reshape(shape[0] * shape[1], -1, len(dots)).mean(axis=1)
         near = np.linalg.norm(centres[:, None] - reference_px[None], axis=2) < REACH_PX * scale
         to_cells = np.ascontiguousarray((mean_kernel @ precision).T, np.float32)
         return CellMaps(to_cells, near.astype(np.float32), near.any(axis=1).reshape(shape), mean_kernel)
 
     def make_stretch_gain(cells: CellMaps) -> NDArray[np.float32]:
-        stretch_gain = _stretch_gain(points(), dots, cells.mean_kernel, precision, gradient) * (length_px * scale)
+        stretch_gain = _stretch_gain(points, dots, cells.mean_kernel, precision, gradient) * (length_px * scale)
         return np.ascontiguousarray(stretch_gain.T, np.float32)
 
     return FieldOperator(

@@ -41,15 +41,14 @@ def unnoticed(poses: Sequence[Pose]) -> Unnoticed:
     found = Unnoticed(0.0, 0.0)
     for number in range(len(poses)):
         for sign in (-1.0, 1.0):
-            part, gain = _largest(poses, number, sign)
+            part, gain = _largest(poses, number, sign, right)
             found = Unnoticed(max(found.weight_part, part), max(found.gain_part, abs(gain / right - 1)))
     return found
 
 
-def _largest(poses: Sequence[Pose], number: int, sign: float) -> tuple[float, float]:
-    """(largest part of a weight by which it may be wrong, the gain then)."""
-    low, high = 0.0, LARGEST
-    gain = fit_gain(poses).gain
+def _largest(poses: Sequence[Pose], number: int, sign: float, right: float) -> tuple[float, float]:
+    """(largest part of a weight by which it may be wrong, the gain then); ``right`` is the gain without an error."""
+    low, high, gain = 0.0, LARGEST, right
     for _ in range(STEPS):
         middle = (low + high) / 2
         try:

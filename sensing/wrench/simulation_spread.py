@@ -9,12 +9,9 @@ Notes:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.records_labelled import RECORDED
 from sensing.wrench.model import WrenchModel
 from sensing.wrench.weight_files import SIMULATED
 
@@ -26,15 +23,6 @@ _PER_SQUARE_NEWTON = np.diag([FORCE_SHARE**2] * 3 + [LEVER_M**2] * 3)
 def learned_from_simulation(model: object) -> bool:
     """Whether an estimator's training had no real frame."""
     return isinstance(model, WrenchModel) and bool(model.about.get(SIMULATED, False))
-
-
-def are_simulated(paths: Iterable[str]) -> bool:
-    """Whether none of the loading paths of a training was recorded from a real endcap.
-
-    Args:
-        paths: their identities (:meth:`sensing.records_labelled.LabelledSet.path_name`).
-    """
-    return not any(path.startswith(f"{RECORDED}-") for path in paths)
 
 
 def simulation_spread(force_n: NDArray[np.float64]) -> NDArray[np.float64]:

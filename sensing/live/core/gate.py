@@ -91,7 +91,6 @@ class Gate:
             self._held_n = None
             return Verdict(Event.UNSEEN, blind)
         worst = 1.0 if tracks is None else float(np.where(tracks.lost, 0.0, tracks.quality).min())
-        count = 0 if tracks is None else int(disturbed_dots(tracks, estimate.force_n, self._load_scale).sum())
         torn = 0.0 if tracks is None else torn_row(tracks)
         expected = predict() if torn or worst < SURE else None
         if torn and expected is None:
@@ -101,7 +100,7 @@ class Gate:
         self._held_n = np.array(estimate.force_n) if held else None
         flags = estimate.flags
         reasons = [f"the model flags {', '.join(sorted(flags))}"] if flags else []
-        if tracks is not None and count:
+        if tracks is not None and (count := disturbed_dots(tracks, estimate.force_n, self._load_scale).sum()):
             flags |= {DISTURBED}
             reasons.append(
                 f"{count} of {len(tracks.ids)} dots look otherwise than in the reference: glint, dirt, lamp?"

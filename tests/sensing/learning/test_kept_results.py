@@ -2,32 +2,17 @@
 
 import csv
 
-import known_cameras
 import pytest
 from pictured_set import write_set
-
-from sensing.live.core import pipeline
 
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from sensing import evaluate, train
 from sensing.learning import fitting
-from sensing.learning import found_camera as camera_of_sets
 from sensing.wrench.model import WrenchModel
 
-
-@pytest.fixture(scope="module", autouse=True)
-def looked_for_once():
-    """Drawn pictures are no dome's, and take a search of seconds each."""
-    with known_cameras.known_to(pipeline, camera_of_sets):
-        yield
-
-
-@pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    base = tmp_path_factory.mktemp("sets")
-    return write_set(base / "train", 8, 1), write_set(base / "test", 3, 2)
+pytestmark = pytest.mark.usefixtures("looked_for_once")
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import csv
 import json
 
-import known_cameras
 import numpy as np
 import pytest
 from live_stand_in import stand_in
@@ -15,7 +14,6 @@ from cad.identity import identity
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
-from sensing.live.core import pipeline
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import LabelledSet
@@ -25,7 +23,6 @@ pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from sensing import evaluate, train
-from sensing.learning import found_camera as camera_of_sets
 from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
 from sensing.learning.contenders import Views, frame_keys, held_out
 from sensing.learning.found_camera import found_camera
@@ -33,18 +30,7 @@ from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.samples import VIEWS, read_samples, shared_between
 from sensing.learning.scores import score, table
 
-
-@pytest.fixture(scope="module", autouse=True)
-def looked_for_once():
-    """Drawn pictures are no dome's, and take a search of seconds each."""
-    with known_cameras.known_to(pipeline, camera_of_sets):
-        yield
-
-
-@pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    base = tmp_path_factory.mktemp("sets")
-    return write_set(base / "train", 8, 1), write_set(base / "test", 3, 2)
+pytestmark = pytest.mark.usefixtures("looked_for_once")
 
 
 @pytest.fixture(scope="module")

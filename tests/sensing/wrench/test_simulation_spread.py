@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cad.params import EndcapParams
+from sensing.learning.samples import are_simulated
 from sensing.wrench.model import load_wrench_model
 from sensing.wrench.simulation_spread import (
     FORCE_SHARE,
     LEVER_M,
-    are_simulated,
     learned_from_simulation,
     simulation_spread,
 )

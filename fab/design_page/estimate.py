@@ -16,7 +16,7 @@ from cad.lens import camera_module
 from cad.materials import Silicone
 from cad.mold_layout import MoldLayout
 from fab.design_page.outline import Profile, parts
-from fab.recipe import SURPLUS, closed_cast_mm3
+from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.slice.filaments import filament
 from fab.slice.footprints import footprints
 from fab.slice.printers import printer
@@ -72,12 +72,12 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     base_g, hardware_g = (v / 1000 * pla.density_g_cm3 for v in (hardware["base"], sum(hardware.values())))
     flange, zone = (_volume_mm3(profile) for profile in revolved["interface"].profiles)
     tpu_g = (flange + params.gyroid * zone) / 1000 * tpu.density_g_cm3
-    silicone_g = closed_cast_mm3(params) / 1000 * row.density_g_cm3
+    cast = recipe(closed_cast_mm3(params), overflow_of(layout), row.name)
     spools = ((mold_g + hardware_g, pla), (SPACER_G, petg), (tpu_g, tpu))
     plastic_usd = sum(grams / 1000 * spool.price_usd_kg for grams, spool in spools)
-    silicone_usd = (1 + SURPLUS) * silicone_g / 1000 * _silicone_usd_kg(row.name)
+    silicone_usd = (cast.part_a_g + cast.part_b_g) / 1000 * _silicone_usd_kg(row.name)
     return Estimate(
-        silicone_g + tpu_g + base_g + SPACER_G + CAMERA_AND_RING_G,
+        cast.expected_g + tpu_g + base_g + SPACER_G + CAMERA_AND_RING_G,
         mold_g,
         (mold_g + hardware_g + tpu_g + SPACER_G) / RATE_G_H,
         plastic_usd + silicone_usd + camera_module().price_usd + SMALL_USD,

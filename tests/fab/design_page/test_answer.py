@@ -23,7 +23,7 @@ from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.estimate import _surface_mm2, _volume_mm3
 from fab.design_page.outline import interface_profiles, parts, revolved, shell_profile
 from fab.meshing.mesh import tessellate
-from fab.recipe import closed_cast_mm3
+from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.slice.filaments import filament
 from fab.variant import Variant
 
@@ -87,6 +87,19 @@ def test_the_cost_follows_the_price_of_the_camera_module_at_hand(monkeypatch):
     monkeypatch.setattr(estimates, "camera_module", lambda: other)
     dearer = estimates.estimate(layout, silicone(layout.silicone), "generic256")
     assert dearer.usd == pytest.approx(usual.usd + 100.0)
+
+
+@pytest.mark.parametrize("size", [(98.87, 6.5), (130.0, 8.0)])
+def test_the_cost_counts_the_silicone_that_the_recipe_mixes(size, monkeypatch):
+    """The smallest casts mix more than 15 % over; a cost per kilogram of 1000 USD more shows the grams."""
+    layout = MoldLayout(EndcapParams(*size))
+    row = silicone(layout.silicone)
+    usual = estimates.estimate(layout, row, "generic256")
+    price = estimates._silicone_usd_kg(row.name)
+    monkeypatch.setattr(estimates, "_silicone_usd_kg", lambda name: price + 1000.0)
+    mixed = recipe(closed_cast_mm3(layout.params), overflow_of(layout), row.name)
+    dearer = estimates.estimate(layout, row, "generic256")
+    assert dearer.usd - usual.usd == pytest.approx(mixed.part_a_g + mixed.part_b_g)
 
 
 @pytest.mark.parametrize("knobs", [{"D": "130", "T": "8"}, {"material": "Ecoflex 00-30", "joint_clearance": "0.1"}])

@@ -25,6 +25,8 @@ ROBOT_SCREW_USD = 0.4  # E: a screw or a pin, bought singly
 RING_USD, RING_BATCH = 12.0, 5  # E: a fitted board; so many at the least are made by a board house
 NUT_USD, WASHER_USD = 0.05, 0.02  # E
 STEEL = "A2 or 8.8"  # what to ask for besides standard and size
+BAG_OWNERS = ("screws", "nuts", "washers", "robot")  # of the lines that are ordered by the bag
+MOLD_USE = "closes the mold"  # of nuts and washers that stay with the mold
 
 
 def all_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
@@ -169,14 +171,14 @@ def _fastener_lines(fits: Sequence[ScrewFit]) -> list[BomLine]:
     square = "DIN 562 M3, zinc-plated or A2"
     lines.append(_fastener("M3 square nut DIN 562", captured, "nuts", "captured in the interface", NUT_USD, square))
     order = f"ISO 4032 M4, {STEEL}"
-    lines.append(_fastener("M4 hexagon nut ISO 4032", count, "nuts", "closes the mold", NUT_USD, order))
+    lines.append(_fastener("M4 hexagon nut ISO 4032", count, "nuts", MOLD_USE, NUT_USD, order))
     small = sum(f.joint.washers * len(f.joint.places) for f in fits if f.joint.holder == "captured nut")
     if small:
         order = "ISO 7092 M3 (6 mm outside, 0.5 mm)"
         lines.append(_fastener("M3 washer ISO 7092 (small)", small, "washers", "base to interface", WASHER_USD, order))
     count = sum(2 * f.joint.washers * len(f.joint.places) for f in loose)
     order = "ISO 7089 M4 (9 mm outside)"
-    lines.append(_fastener("M4 washer ISO 7089", count, "washers", "closes the mold", WASHER_USD, order))
+    lines.append(_fastener("M4 washer ISO 7089", count, "washers", MOLD_USE, WASHER_USD, order))
     return lines
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from cad.bought import bought_mm
-from cad.leak import GRAVITY_M_S2
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.judging import COLD_C, WARM_C
 from fab.build_sheet.shopping import safety
 from fab.build_sheet.steps import stage_blocks
-from fab.lift import lift_g, lift_kg
 from fab.recipe import RELEASE_AGENT, Recipe, millilitres
 
 
@@ -67,7 +64,6 @@ def _recipe_rows(recipe: Recipe) -> tuple[tuple[str, str], ...]:
 
 def casting(data: SheetData) -> list[Block]:
     """Steps from the nuts to the closed mold."""
-    lift_n, reach = GRAVITY_M_S2 * lift_g(data.layout, data.recipe) / 1000, bolt_reach_mm(data)
     vacuum = "vacuum chamber and pump, " if data.recipe.is_degassed else ""
     return [
         Heading("Cast", 1),
@@ -83,45 +79,20 @@ def casting(data: SheetData) -> list[Block]:
             "key and the socket for them. Stir each part in its can, with a stick of its own: what has settled is "
             "missing in the mix."
         ),
-        Paragraph(
-            f"C7: cup, stick and mix on the scale before you pour, write it down; stop when they have lost "
-            f"{data.recipe.poured_g:.0f} g. Scrape the cup: only {data.recipe.left_g:.0f} g stay in it and on the "
-            "stick, and the wells may want some of them. Let them cure in the cup: they show when the cast is ready."
-        ),
-        Paragraph(
-            f"C8 and C9: silicone lifts the upper half, in the end with {lift_n:.0f} N less its weight, and a bolt "
-            f"reaches its nut only when {reach:.0f} mm are left. One hand turns the key, the other holds the socket: "
-            f"lay {lift_kg(data.layout, data.recipe):g} kg on the middle of the hanger, off the wells, until all six "
-            "bolts have hold, or have somebody press. Then take it off."
-        ),
         *stage_blocks(data, "C", ("upper half", "bowl", "cast")),
     ]
 
 
-def bolt_reach_mm(data: SheetData) -> float:
-    """Gap between bowl and collar at which the first thread of a bolt enters its nut, mm.
-
-    Args:
-        data: of the sheet.
-    """
-    beyond = [fit.length_mm - fit.grip_mm for fit in data.fits if fit.joint.holder == "loose nut"]
-    return min(beyond, default=0.0) - bought_mm("screw_m4", "pitch")
-
-
 def demolding(data: SheetData) -> list[Block]:
     """Steps from the closed mold to the endcap."""
-    diameter_mm = data.layout.params.diameter_mm
     return [
         Heading("Demold", 1),
         Paragraph(
             "First press what is left in the cup with a thumbnail. Soft or sticky: the cast is, too; leave it closed."
         ),
         Paragraph(
-            "Put safety glasses on. Keep the core's screws at hand: in D4 to D6 they are the handles of its pieces. "
-            "D1: once the bolts are out, turn the mold over onto the hanger, and lift the bowl's segments off upward. "
-            "The bowl was the foot: for D2 turn it back and lay the dome, tip down, into the soft ring, about "
-            f"{0.7 * diameter_mm:.0f} mm wide inside and {0.2 * diameter_mm:.0f} mm high. 24 screws want a dome that "
-            "lies still."
+            "Put safety glasses on. Lay the soft ring ready. Keep the core's screws at hand: they are the handles of "
+            "its pieces."
         ),
         *stage_blocks(data, "D", ("demold",)),
     ]

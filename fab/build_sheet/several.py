@@ -7,7 +7,6 @@ are used again. Packs are counted on the total: screws for ten come in fewer bag
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 from cad.dots import dot_pattern
 from cad.fasteners import BomLine
 from cad.plain_numbers import plain
-from fab.bom import RING_BATCH, SCREW_USD, screw_name
+from fab.bom import BAG_OWNERS, MOLD_USE, RING_BATCH, SCREW_USD, screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
@@ -24,7 +23,6 @@ from fab.slice.result import hours, is_mold
 from fab.supplies import SPOOL_G, bag_size, filament_item, kit_count, spool_count, spool_usd, supplies
 
 COUNTS = (6, 10)  # endcaps: of a robot with three bars, and a round number
-BAG = re.compile(r", bag of \d+$")
 SMOOTH_H, PREPARE_H, DEMOLD_H, CABLE_H, ASSEMBLE_H, LIGHT_H = 1.5, 0.75, 0.75, 0.5, 1.0, 0.75  # E: hands on
 DOT_S = 10.0  # E: seconds for each dot
 
@@ -184,8 +182,8 @@ def _pieces(lines: Sequence[BomLine]) -> list[Need]:
     needs = []
     for line in lines:
         if line.kind == "part" and line.owner != "screws":
-            stays = line.use == "closes the mold"
-            packs = "batch" if line.owner == "led_ring" else "bag" if BAG.search(line.order_as) else ""
+            stays = line.use == MOLD_USE
+            packs = "batch" if line.owner == "led_ring" else "bag" if line.owner in BAG_OWNERS else ""
             each, mold = (0.0, line.quantity) if stays else (line.quantity, 0.0)
             usd = None if line.price_usd is None else line.price_usd / line.quantity
             needs.append(Need(line.item, each, mold, packs=packs, usd=usd))

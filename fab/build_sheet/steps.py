@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from cad.bought import bought_mm
+from cad.leak import GRAVITY_M_S2
 from cad.robot_sides import entry_words, fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.data import SheetData
+from fab.lift import lift_g, lift_kg
 from fab.recipe import Recipe, millilitres
 
 BLANK = re.compile(r"\{(\w+)(?::(\w+))?\}")
@@ -43,11 +46,16 @@ def screws(data: SheetData, prefix: str) -> str:
         if fits[0].joint.washers and fits[0].joint.holder == "captured nut"
         else ""
     )
-    return f"{sum(len(fit.joint.places) for fit in fits)} x {screw_name(fits[0])}{washers}"
+    return f"{_screw_count(data, prefix)} x {screw_name(fits[0])}{washers}"
+
+
+def _screw_count(data: SheetData, prefix: str) -> int:
+    """Number of screws of the joints whose names begin so."""
+    return sum(len(fit.joint.places) for fit in data.fits if fit.joint.name.startswith(prefix))
 
 
 def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
-    """Lines with their blanks filled in: ``{screws:joint}`` and the recipe's numbers.
+    """Lines with their blanks filled in: ``{screws:joint}``, ``{count:joint}`` and the recipe's numbers.
 
     Raises:
         KeyError: a blank of an unknown name.
@@ -58,6 +66,10 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
         "part_b_g": f"{recipe.part_b_g:.1f}",
         "degas": _degassing(recipe),
         "poured_g": f"{recipe.poured_g:.0f}",
+        "left_g": f"{recipe.left_g:.0f}",
+        "lift_n": f"{GRAVITY_M_S2 * lift_g(data.layout, recipe) / 1000:.0f}",
+        "lift_kg": f"{lift_kg(data.layout, recipe):g}",
+        "reach_mm": f"{bolt_reach_mm(data):.0f}",
         "fill_depth_mm": f"{data.fill_depth_mm:.0f}",
         "cure_h": f"{recipe.silicone.cure_h:g}",
         "beyond_ml": f"{recipe.beyond_mm3 / 1000:.1f}",
@@ -69,9 +81,21 @@ def filled(data: SheetData, lines: Sequence[str]) -> tuple[str, ...]:
     }
 
     def fill(match: re.Match[str]) -> str:
+        if match[1] == "count":
+            return str(_screw_count(data, match[2]))
         return screws(data, match[2]) if match[1] == "screws" else values[match[1]]
 
     return tuple(BLANK.sub(fill, line) for line in lines)
+
+
+def bolt_reach_mm(data: SheetData) -> float:
+    """Gap between bowl and collar at which the first thread of a bolt enters its nut, mm.
+
+    Args:
+        data: of the sheet.
+    """
+    beyond = [fit.length_mm - fit.grip_mm for fit in data.fits if fit.joint.holder == "loose nut"]
+    return min(beyond, default=0.0) - bought_mm("screw_m4", "pitch")
 
 
 def _degassing(recipe: Recipe) -> str:

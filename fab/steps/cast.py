@@ -35,9 +35,11 @@ def _poured() -> tuple[Step, ...]:
             "cast",
             "Pour",
             (
-                "A thin stream onto one spot of the bowl; the silicone finds its level.",
-                "Pour {poured_g} g, the cup's loss on the scale: it stands {fill_depth_mm} mm below the seam, not over "
-                "it. The rest stays in the cup.",
+                "Weigh cup, stick and mix before you pour, and write it down.",
+                "A thin stream onto one spot of the bowl; the silicone finds its level. Stop when cup, stick and mix "
+                "have lost {poured_g} g: it stands {fill_depth_mm} mm below the seam, not over it.",
+                "Scrape the cup: only {left_g} g stay in it and on the stick, and the wells may want some of them. "
+                "The rest cures in the cup and shows when the cast is ready.",
             ),
             look="dome down",
             shown=BOWL,
@@ -60,7 +62,9 @@ def _lowered(layout: MoldLayout) -> Step:
         (
             f"{first} Lower it upright, slowly: the silicone climbs into the gyroid. The collar's seams come "
             "midway between the bowl's, so that the bolts tie all segments.",
-            f"Last {stroke:.0f} mm: the collar slides into the bowl's dam.",
+            f"Last {stroke:.0f} mm: the collar slides into the bowl's dam. Silicone lifts the upper half, in the end "
+            "with {lift_n} N less its weight: lay {lift_kg} kg on the middle of the hanger, off the wells, or have "
+            "somebody press.",
         ),
         (Move(UPPER, (Leg(TO_RIM, layout.stand_height_mm),), BOWL),),
         look="dome down, from the side",
@@ -75,8 +79,9 @@ def _closed() -> Step:
         "cast",
         "Close, and look at the wells",
         (
-            "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats; a socket from "
-            "below holds each nut in its recess.",
+            "{screws:cup_collar} with a washer at either end, crosswise, until the piston seats. A bolt reaches its "
+            "nut only when {reach_mm} mm are left. One hand turns the key, the other holds the socket, which holds "
+            "the nut in its recess from below. Take the weight off once all six bolts have hold.",
             "Lift one side by a finger's breadth and walk it round once, so that every vent is the highest for a "
             "while: air under the flat flange runs along it to that vent.",
             "All wells on the hanger show silicone: the mold is full. A dry well: press, wait, tap; if it "
@@ -108,23 +113,15 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
             "Bolts out, bowl off",
             (
                 "Cut the tape on the bowl and take the rubber band off. Take the six bolts out.",
-                "Draw the bowl's segments off one by one, straight away from the collar.",
+                "Turn the mold over onto the hanger. Draw the bowl's segments off upward, one by one, straight away "
+                "from the collar.",
             ),
             one_by_one(BOWL, to_dome, (*UPPER, "shell"), False),
             False,
             ("cup_collar",),
-            look="dome down, from the side",
+            look="from the side",
         ),
-        Step(
-            "hanger_off",
-            "demold",
-            "Hanger off",
-            ("All screws out; lift the hanger.", "Plugs of silicone in the vents tear: that is right."),
-            (Move(("hanger",), to_rim, (*COLLAR, *CORE, *cast)),),
-            False,
-            ("hanger_to",),
-            look="dome down, from the side",
-        ),
+        _hanger_off(layout),
         Step(
             "collar_off",
             "demold",
@@ -134,6 +131,26 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
             False,
             look="dome down, from the side",
         ),
+    )
+
+
+def _hanger_off(layout: MoldLayout) -> Step:
+    """Step that removes the hanger from the dome in its soft ring."""
+    diameter_mm, to_rim = layout.params.diameter_mm, (Leg(TO_RIM, layout.params.tip_height_mm),)
+    return Step(
+        "hanger_off",
+        "demold",
+        "Hanger off",
+        (
+            "The bowl was the foot. Turn the mold back and lay the dome, tip down, into the soft ring, about "
+            f"{0.7 * diameter_mm:.0f} mm wide inside and {0.2 * diameter_mm:.0f} mm high: {{count:hanger_to}} "
+            "screws want a dome that lies still.",
+            "All screws out; lift the hanger. Plugs of silicone in the vents tear: that is right.",
+        ),
+        (Move(("hanger",), to_rim, (*COLLAR, *CORE, "shell", "interface")),),
+        False,
+        ("hanger_to",),
+        look="dome down, from the side",
     )
 
 

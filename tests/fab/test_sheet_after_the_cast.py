@@ -9,17 +9,21 @@ from dataclasses import replace
 import pytest
 
 from cad.dots import dot_pattern
+from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints, bom_lines
 from fab.build_sheet.blocks import Paragraph, Table
-from fab.build_sheet.casting import bolt_reach_mm, casting, demolding
+from fab.build_sheet.blocks import Step as StepBlock
+from fab.build_sheet.casting import casting, demolding
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.judging import _next_length, _stripped, judging, record
 from fab.build_sheet.prints import printing_s
 from fab.build_sheet.several import COUNTS, needed, paid_usd, time_and_number
+from fab.build_sheet.steps import bolt_reach_mm
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import LEAST_LEFT_MM3, closed_cast_mm3, overflow_of, recipe
+from fab.steps.endcap import all_steps
 from fab.supplies import with_spools
 
 PARTS = [
@@ -51,7 +55,8 @@ def sheet_of(diameter_mm: float = 107.0, wall_mm: float = 7.3, material: str = "
     mix = recipe(closed_cast_mm3(layout.params), overflow_of(layout), material)
     fits = [fit(joint) for joint in all_joints(layout)]
     lines = bom_lines(layout, {"parts": PARTS}, fits, mix, SLICED)
-    return SheetData(layout, {"parts": PARTS}, SLICED, mix, fits, [], lines, [], 0.0, {})
+    steps = all_steps(layout, dict.fromkeys(REMOVAL_ORDER, ()))
+    return SheetData(layout, {"parts": PARTS}, SLICED, mix, fits, steps, lines, [], 0.0, {})
 
 
 def fit(joint) -> ScrewFit:
@@ -61,7 +66,8 @@ def fit(joint) -> ScrewFit:
 
 
 def words_of(blocks) -> str:
-    return " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    texts = [block.text for block in blocks if isinstance(block, Paragraph)]
+    return " ".join([*texts, *(line for block in blocks if isinstance(block, StepBlock) for line in block.lines)])
 
 
 def test_screws_of_the_mold_are_counted_once_and_those_of_the_endcap_for_each():
@@ -162,6 +168,20 @@ def test_bolts_reach_their_nuts_only_when_the_mold_is_nearly_closed():
     assert bolt_reach_mm(data) == pytest.approx(20.0 - 13.6 - 0.7)
     words = words_of(casting(data))
     assert "only when 6 mm are left" in words and "lay 1.5 kg on the middle" in words and "with 11 N less" in words
+
+
+@pytest.mark.parametrize("size", [(98.86, 6.5), (130.0, 8.0)])
+def test_what_a_step_needs_stands_in_it(size):
+    """The core may go into the interface first; the weight belongs to closing the mold all the same."""
+    data = sheet_of(*size)
+    blocks = {block.title: " ".join(block.lines) for block in (*casting(data), *demolding(data))
+              if isinstance(block, StepBlock)}  # fmt: skip
+    assert f"lost {data.recipe.poured_g:.0f} g" in blocks["Pour"]
+    assert "kg on the middle of the hanger" in blocks["Lower the upper half"]
+    assert "Take the weight off" in blocks["Close, and look at the wells"]
+    assert "Turn the mold over onto the hanger" in blocks["Bolts out, bowl off"]
+    driven = sum(len(f.joint.places) for f in data.fits if f.joint.name.startswith("hanger_to"))
+    assert f"{driven} screws want a dome that lies still" in blocks["Hanger off"]
 
 
 def test_the_dome_lies_in_a_ring_that_keeps_its_tip_off_the_table():

@@ -42,7 +42,7 @@ ASKED_FOR = {  # words of a step -> what has to be listed
     r"measure on the free": "multimeter",
     r"flat pliers": "pliers",
     r"rubber band": "rubber band",
-    r"socket from below": "socket",
+    r"holds the socket": "socket",
     r"[Aa]lcohol": "isopropyl alcohol",
     r"drop of glue": "glue",
     r"[Ss]afety glasses": "safety glasses",

@@ -92,7 +92,7 @@ class Measurement:
             self._own_weight.change_g = np.array(kept.own_weight_g)
         scale = endcap.gain * model.load_scale
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm, scale
-        self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms)
+        self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms, kept.overstress)
         self._filter = WrenchFilter(FilterConfig().scaled(scale))
         threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)
         self._detector = ContactDetector(threshold, kept.touching)
@@ -106,7 +106,7 @@ class Measurement:
     def kept(self) -> Kept:
         """State that a restart keeps."""
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
-        return Kept((x, y, z), self._mounting.reason, self._load.reason, self._detector.touching)
+        return Kept((x, y, z), self._mounting.reason, self._load.reason, self._detector.touching, self._rate.state)
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""

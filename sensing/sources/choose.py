@@ -22,8 +22,8 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     """(function that opens the source anew, whether it is live and worth reopening when it ends).
 
     Args:
-        word: ``0`` for the port of what is /dev/video0 now, a name of /dev/v4l/by-path, ``http://...``, ``NAME:ADDRESS`` of a plug-in, a folder
-            of pictures, a video or a picture.
+        word: ``0`` for the port of what is /dev/video0 now, a name of /dev/v4l/by-path, ``http://...``,
+            ``NAME:ADDRESS`` of a plug-in, a folder of pictures, a video or a picture.
         camera: mode and exposure for a camera; its device number is replaced by ``word``.
 
     Raises:

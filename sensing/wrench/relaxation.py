@@ -15,8 +15,8 @@ Notes:
 
         h' = exp(-dt / tau) h + b (w' - w) (tau / dt) (1 - exp(-dt / tau)).
 
-    At the start h = 0, the shell has relaxed, unless the state of an earlier filter is given. Doubt about the constants goes into the covariance as
-    sum_i (sd(b_i) / b_i)^2 h_i h_i'.
+    At the start h = 0, the shell has relaxed, unless the state of an earlier filter is given. Doubt about the constants
+    goes into the covariance as sum_i (sd(b_i) / b_i)^2 h_i h_i'.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """State that an endcap keeps when tracker, filter and contact restart with the same reference.
 
-Most of it comes from the last frame without a touch, and the silicone relaxes on from the last one. A restart while something touches (a recording begins, the clock
-is set) would lose them until the endcap is let go, and each wrench until then would be wrong. A touch that began above
-one force and ends below another would end at the restart.
+Most of it comes from the last frame without a touch, and the silicone relaxes on from the last one. A restart while
+something touches (a recording begins, the clock is set) would lose them until the endcap is let go, and each wrench
+until then would be wrong. A touch that began above one force and ends below another would end at the restart.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ class Kept:
         loaded: why the reference is thought to have been taken under load; empty where nothing shows it.
         touching: whether it was in contact.
         overstress: of silicone that relaxes; None where it is taken as relaxed.
+        offset: (6,) force and torque that the untouched endcap reads, about the sphere's centre; empty for none.
     """
 
     own_weight_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -35,11 +36,12 @@ class Kept:
     loaded: str = ""
     touching: bool = False
     overstress: Overstress | None = None
+    offset: tuple[float, ...] = ()
 
     @property
-    def apart_from_overstress(self) -> Kept:
-        """What changes with events alone; overstress changes with every frame."""
-        return replace(self, overstress=None)
+    def of_events(self) -> Kept:
+        """What changes with events alone, not all the time."""
+        return replace(self, overstress=None, offset=())
 
     @property
     def on_another_clock(self) -> Kept:
@@ -50,7 +52,7 @@ class Kept:
 
     def text(self) -> str:
         """As JSON, from which :func:`kept_of` reads exactly the same numbers."""
-        return json.dumps({name: value for name, value in asdict(self).items() if value is not None})
+        return json.dumps({name: value for name, value in asdict(self).items() if value not in (None, ())})
 
 
 NOTHING_KEPT = Kept()
@@ -68,7 +70,10 @@ def kept_of(text: str) -> Kept:
         raise ValueError(f"own weight of {x:g}, {y:g}, {z:g} g")
     moved, loaded = (str(reason)[:LONGEST_REASON] for reason in (said["moved"], said.get("loaded", "")))
     overstress = None if "overstress" not in said else _overstress_of(said["overstress"])
-    return Kept((x, y, z), moved, loaded, said.get("touching") is True, overstress)  # those of before have not all
+    offset = tuple(map(float, said.get("offset", ())))  # recordings of before have not all of it
+    if len(offset) not in (0, 6) or not all(map(math.isfinite, offset)):
+        raise ValueError(f"offset of {len(offset)} numbers")
+    return Kept((x, y, z), moved, loaded, said.get("touching") is True, overstress, offset)
 
 
 def _overstress_of(said: dict[str, Any]) -> Overstress:

@@ -1,7 +1,7 @@
 """What the guided first run looks at while it asks: the forces of each endcap, or why one gives none that count.
 
-    watch = SetupWatch()                              # an output of the engine
-    watch.forces_n["camera_0"], watch.without_force(endcaps)
+watch = SetupWatch()                              # an output of the engine
+watch.forces_n["camera_0"], watch.without_force(endcaps)
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ class Recorder(QueuedSink):
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
             self._add(reading, "zero_error_px", ros.float64(reading.zero.error_px), stamp)
-        if (kept := reading.before.apart_from_overstress) != self._kept.get(reading.endcap):
+        if (kept := reading.before.of_events) != self._kept.get(reading.endcap):
             self._kept[reading.endcap] = kept
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)
         norm = float((reading.wrench.force_n**2).sum() ** 0.5)

@@ -84,7 +84,7 @@ def test_a_file_with_a_byte_order_mark_and_two_addresses_is_read(tmp_path):
         ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "endcaps.toml: model="),
         (TWO.format("http://h/1", "http://h/1", 150), "a and b have the same source, http://h/1"),
         (TWO.format("0", "1", 0.15), "within 0.15 mm of the robot's origin: give mm"),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\nweight_n = 60", "weight_n in the wrong place: write it above the first"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\nweight_n = 60", "weight_n in the wrong place: write it above"),
         ("wall_mm = 8\n[[endcap]]\nname = 'a'\nsource = '0'", "wall_mm in the wrong place: write it under the"),
         ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
         ("endcap = 3", "no list of tables"),

@@ -5,47 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, film, frames, pipeline, stand_in
+from live_stand_in import PATIENCE_S, stand_in
+from turned_endcap import RATE_HZ, SIDEWAYS_G, Turned
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.kept import Kept, kept_of
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.live.core.reading import EndcapReading
-from sensing.live.core.seen import Pictures, SeenFrame
+from sensing.live.core.seen import Pictures
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 from sensing.live.timeline import Timeline
 from sensing.wrench.relaxation import Overstress
 
-SIZE, RATE_HZ, NOISE_PX = (640, 480), 30.0, 0.01
-SIDEWAYS_G, OFF_G = (1.0, 0.0, 1.0), 0.4  # from upright to lying; the drawn dome is not the design to the pixel
+OFF_G = 0.4  # the drawn dome is not the design to the pixel
 SHIFT_PX = (1.0, 0.3)
 RELAXATION = ((0.05, 0.1, 0.01), (0.04, 1.0, 0.01))  # strength, tau in s, sd
-
-
-class Turned:
-    """An endcap whose dots are moved as own weight, a shifted camera and a touch move them."""
-
-    def __init__(self) -> None:
-        self.pipe, self.count = pipeline(), 1
-        self.pipe.update(frames(film([0]))[0])
-        method = self.pipe._used.method
-        self.places = method.tracker.reference_px
-        self.sag = np.zeros_like(self.places)
-        self.sag[method.known] = self.pipe._measurement._own_weight._modes @ np.array(SIDEWAYS_G)
-        away = self.places - self.places.mean(axis=0) - [60.0, 40.0]
-        self.touch = 8.0 * np.exp(-(away**2).sum(axis=1) / 2 / 60.0**2)[:, None] * [1.0, 0.4]
-        self._rng = np.random.default_rng(0)
-
-    def frame(self, moved: np.ndarray) -> SeenFrame:
-        self.count += 1
-        count = len(self.places)
-        noise = self._rng.normal(0.0, NOISE_PX, moved.shape)
-        rows = np.column_stack([self.places + moved + noise, np.full(count, 0.995), np.zeros(count)])
-        return SeenFrame(100.0 + self.count / RATE_HZ, self.count, "test", size=SIZE, rows=rows, likeness=0.99)
-
-    def give(self, moved: np.ndarray, count: int) -> list[EndcapReading]:
-        return [self.pipe.update(self.frame(moved)) for _ in range(count)]
 
 
 @pytest.fixture
@@ -183,7 +157,7 @@ def test_what_is_kept_is_read_as_it_was_written():
     kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load", True, overstress)
     assert kept_of(kept.text()) == kept
     assert kept_of(kept.on_another_clock.text()).overstress == Overstress(overstress.by_term)
-    assert kept_of(kept.apart_from_overstress.text()) == kept.apart_from_overstress
+    assert kept_of(kept.of_events.text()) == kept.of_events
     before = '{"own_weight_g": [0.5, 0, 1], "moved": ""}'  # of a recording made before loads were looked for
     assert kept_of(before) == Kept((0.5, 0.0, 1.0))
 

@@ -150,7 +150,7 @@ class Measurement:
         contact = self.contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
         centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
         if used and contact.known:
-            self._offset.update(estimate, contact.touching)
+            self._offset.update(estimate, contact.touching and not self._mounting.untouched)
         smooth = self._offset.widened(smooth)
         place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")

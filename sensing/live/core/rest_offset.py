@@ -48,7 +48,7 @@ class RestOffset:
 
         Args:
             wrench: of the frame alone, about the sphere's centre.
-            touching: whether the endcap is in contact.
+            touching: whether the endcap is in contact; not where the camera has moved and that explains its force.
         """
         step_s, self._last_s = wrench.time_s - self._last_s, wrench.time_s
         if touching or not 0 < step_s <= GAP_S:

@@ -66,6 +66,15 @@ def test_live_states_it_keeps_it_over_a_restart():
     assert again.epoch > pressed.epoch and again.before.offset == last.before.offset
 
 
+def test_a_camera_that_has_moved_reads_a_touch_whose_force_is_in_the_standard_deviations():
+    turned = Turned()
+    shift = np.tile((1.0, 0.3), (len(turned.places), 1))
+    last = turned.give(shift, 100)[-1]
+    assert last.contact.touching and "moved" in last.wrench.flags
+    sd = np.sqrt(np.diagonal(last.wrench.covariance)[:3])
+    assert (np.abs(last.wrench.force_n) < 1.05 * sd).all()
+
+
 def test_it_is_read_as_it_was_written_and_other_text_is_refused():
     kept = Kept(offset=tuple(OFFSET.tolist()))
     assert kept_of(kept.text()) == kept

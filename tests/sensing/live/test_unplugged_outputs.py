@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, a_reading, endless, film, pipeline
+from live_stand_in import PATIENCE_S, a_reading, endless, film, frames, pipeline
 
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
@@ -34,6 +34,29 @@ def test_valid_says_false_while_a_camera_is_unplugged(monkeypatch):
         topics._look()
     assert [message.cdr for message in said] == [ros.boolean(False)]
     topics.close(PATIENCE_S)
+
+
+def test_a_zero_that_was_refused_as_no_frame_came_is_not_taken_when_the_camera_comes_back(monkeypatch):
+    pytest.importorskip("cyclonedds")
+    from sensing.live.outputs.ros import dds, messages, zero_service
+
+    messages.register_trigger()
+    monkeypatch.setattr(zero_service, "PATIENCE_S", 0.0)
+    pipe, said, rest = pipeline(), [], frames(film([0] * 6))
+    pipe.update(rest[0])
+    asked = [dds.idl_type(messages.TRIGGER_REQUEST)(guid=1, seq=2, structure_needs_at_least_one_member=0)]
+    requests = SimpleNamespace(take=lambda count: [asked.pop()] if asked else [])
+    service = zero_service.ZeroServices(None, [], pytest.fail)
+    service._ends = [zero_service._End(pipe, requests, SimpleNamespace(write=said.append))]
+    before = pipe.zero
+    for _ in range(3):  # no frame comes meanwhile
+        time.sleep(0.01)
+        service._look()
+    (answer,) = (ros.decode(messages.TRIGGER_REPLY, message.cdr) for message in said)
+    assert not answer.success and "no reference within" in answer.message
+    for frame in rest[1:]:  # plugged in again
+        pipe.update(frame)
+    assert pipe.zero is before and not pipe.taker.collecting
 
 
 def test_a_stream_says_once_that_a_camera_is_unplugged_and_goes_on_with_it():

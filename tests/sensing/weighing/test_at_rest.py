@@ -85,7 +85,9 @@ def test_a_camera_that_is_unplugged_under_the_load_is_named(monkeypatch, state):
     """It read "fewer than 5 readings within 1 s: does the camera run?"."""
     monkeypatch.setattr(session, "REST_S", 0.0)
     condition = Condition(state, "/dev/video9: no such camera")
-    endcap = SimpleNamespace(health=SimpleNamespace(valid=condition.valid), machine=SimpleNamespace(condition=condition))
+    endcap = SimpleNamespace(
+        health=SimpleNamespace(valid=condition.valid), machine=SimpleNamespace(condition=condition)
+    )
     with pytest.raises(WeighingError) as refused:
         session._await(endcap, session.Listener(1.0), RestWatch.pressed, "under the load")
     said = "; now unplugged: /dev/video9: no such camera"

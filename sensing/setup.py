@@ -32,7 +32,7 @@ from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_mo
 from sensing.live.core.endcaps_file import live_command, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference
-from sensing.live.core.reading import EndcapReading
+from sensing.live.core.setup_watch import SetupWatch, start_again
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.live.open_endcaps import Models, configured_models, open_endcaps
@@ -50,24 +50,6 @@ SETTLE_S, RELEASED_S = 0.5, 1.0  # after a release: silicone and filter settle; 
 LEAST_ON_N, MARGIN = 0.2, 1.5  # E: never below, at D=130 T=8; over the measured threshold, for slow drift
 
 Ask = Callable[[str], str]
-
-
-class Watch:
-    """Sink that keeps the force norms of each endcap."""
-
-    def __init__(self) -> None:
-        self.forces_n: dict[str, list[np.ndarray]] = {}
-
-    def put(self, reading: EndcapReading) -> None:
-        """Keep one, if its numbers count."""
-        if not reading.valid:
-            return
-        self.forces_n.setdefault(reading.endcap, []).append(np.array(reading.wrench.force_n))
-
-    def largest_n(self, endcap: str, since: int = 0) -> float:
-        """Largest force norm of an endcap after so many readings; 0 before any."""
-        forces = self.forces_n.get(endcap, [])[since:]
-        return max((float(np.linalg.norm(f)) for f in forces), default=0.0)
 
 
 def set_up(
@@ -94,14 +76,14 @@ def set_up(
             raise FileError(f"{taken}: {why}: move it away, or give --out in another folder")
     require_place(out)
     ask(f"{len(config.endcaps)} camera(s): leave all endcaps untouched, then press Enter ")
-    endcaps, watch = open_endcaps(config, models=models or configured_models(config)), Watch()
+    endcaps, watch = open_endcaps(config, models=models or configured_models(config)), SetupWatch()
     warm_up(say)
     with Engine(endcaps, [watch]):
         _await_zeros(endcaps)
         say("zeroed; measuring the rest, leave them untouched")
-        rest = _watch_rest(endcaps, watch)
+        rest = _watch_rest(endcaps, watch, say)
         order = _name_by_touch(endcaps, watch, rest, ask, say)
-        _require_release(order, watch, rest, ask)
+        _require_release(order, watch, rest, ask, say)
     made = tuple(_measured(endcap, f"endcap_{k}", rest[endcap.name], out, say) for k, endcap in enumerate(order))
     result = replace(config, endcaps=made)
     save_config(result, out)
@@ -116,18 +98,23 @@ def _await_zeros(endcaps: Sequence[LiveEndcap]) -> None:
             raise ParameterError(f"{endcap.pipeline.endcap.source}: {why}", name="source")
 
 
-def _watch_rest(endcaps: Sequence[LiveEndcap], watch: Watch) -> dict[str, list[np.ndarray]]:
+def _watch_rest(endcaps: Sequence[LiveEndcap], watch: SetupWatch, say: Ask) -> dict[str, list[np.ndarray]]:
     """Forces at rest of every endcap, as many as its threshold needs.
 
     Raises:
-        ParameterError: frames that follow one another are too alike for a threshold, even after a long time.
+        ParameterError: even after a long time a camera has not come back, or frames that follow one another are too
+            alike for a threshold; at once where a camera has moved.
     """
     for endcap in endcaps:
         watch.forces_n[endcap.name] = []
-    begin_s = time.monotonic()
+    begin_s, waits = time.monotonic(), ""
     while True:
         time.sleep(0.25)
         waited_s = time.monotonic() - begin_s
+        watch.require_unmoved(endcaps)
+        before, waits = waits, watch.without_force(endcaps)
+        if waits and not before:
+            say(f"waiting for {waits}")
         rest = {endcap.name: list(watch.forces_n[endcap.name]) for endcap in endcaps}
         if waited_s < REST_S:
             continue
@@ -135,13 +122,13 @@ def _watch_rest(endcaps: Sequence[LiveEndcap], watch: Watch) -> dict[str, list[n
             for forces in rest.values():
                 threshold_from_rest(np.array(forces).reshape(-1, 3), FALSE_RATE)
             return rest
-        except ParameterError:
+        except ParameterError as error:
             if waited_s > MOST_REST_S:
-                raise
+                raise ParameterError(start_again(waits), name="source") if waits else error from None
 
 
 def _name_by_touch(
-    endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Ask
+    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Ask
 ) -> list[LiveEndcap]:
     """Endcaps in the order in which they are touched."""
     if len(endcaps) == 1:
@@ -156,12 +143,15 @@ def _name_by_touch(
     return order
 
 
-def _require_release(endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str, list[np.ndarray]], ask: Ask) -> None:
-    """Refuse references taken under load: they show that load when everything is let go."""
+def _require_release(
+    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Ask
+) -> None:
+    """Refuse references taken under load: they show that load when everything is let go; name flags that stay."""
     ask("leave all endcaps untouched again, then press Enter ")
     time.sleep(SETTLE_S)
     before = {endcap.name: len(watch.forces_n[endcap.name]) for endcap in endcaps}
     time.sleep(RELEASED_S)
+    watch.require_unmoved(endcaps)
     for endcap in endcaps:
         forces = watch.forces_n[endcap.name][before[endcap.name] :]
         if not forces:
@@ -175,6 +165,8 @@ def _require_release(endcaps: Sequence[LiveEndcap], watch: Watch, rest: dict[str
                 "it was zeroed, or is pressed now; start again with all endcaps free",
                 name="rest",
             )
+        if (condition := endcap.machine.condition).level:
+            say(f"{endcap.pipeline.endcap.source}: look at it: {condition.state}: {condition.reason}")
 
 
 def _touch_n(endcap: LiveEndcap, rest: list[np.ndarray]) -> float:
@@ -184,16 +176,19 @@ def _touch_n(endcap: LiveEndcap, rest: list[np.ndarray]) -> float:
 
 
 def _touched(
-    endcaps: Sequence[LiveEndcap], watch: Watch, before: dict[str, int], limits: dict[str, float], number: int
+    endcaps: Sequence[LiveEndcap], watch: SetupWatch, before: dict[str, int], limits: dict[str, float], number: int
 ) -> LiveEndcap:
     end_s = time.monotonic() + TOUCH_S
     while time.monotonic() < end_s:
+        watch.require_unmoved(endcaps)
         shares = [watch.largest_n(endcap.name, before[endcap.name]) / limits[endcap.name] for endcap in endcaps]
         if max(shares) > 1:
             return endcaps[int(np.argmax(shares))]
         time.sleep(0.05)
+    waits = watch.without_force(endcaps)
     raise ParameterError(
-        f"endcap_{number}: no camera saw a touch in {TOUCH_S:.0f} s: press harder, near the tip, and start again",
+        f"endcap_{number}: no camera saw a touch in {TOUCH_S:.0f} s: "
+        + (start_again(waits) if waits else "press harder, near the tip, and start again"),
         name="touch",
     )
 

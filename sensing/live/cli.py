@@ -102,7 +102,6 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(path: Path, config: LiveConfig, from_s: float) -> int:
-    from sensing.live.mcap_records import DamagedError
     from sensing.live.replay import verify
 
     check = verify(path, config, from_s=from_s)
@@ -121,7 +120,7 @@ def _check(path: Path, config: LiveConfig, from_s: float) -> int:
     if check.end is not None:
         LOG.error(f"sensing.live: {check.end}")
     differs = check.different and not from_s  # from a moment on bits differ as they may
-    return LOST if differs or isinstance(check.end, DamagedError) or not check.frames else 0
+    return LOST if differs or check.end is not None or not check.frames else 0
 
 
 def _config(options: argparse.Namespace) -> LiveConfig:

@@ -73,6 +73,10 @@ class Endcap:
         Raises:
             ParameterError: it was never started.
         """
+        return (reading for reading in self._taken() if reading is not None)
+
+    def _taken(self) -> Iterator[EndcapReading | None]:
+        """The readings, and None while none comes."""
         if not self._entered:
             raise ParameterError(f"{self._endcap.name} does not run: use it as `with ... as endcap:`", name="endcap")
         self._readings.wait_for_reader(not self._live)
@@ -85,16 +89,25 @@ class Endcap:
                     while (reading := self._readings.take(0.0)) is not None:  # what came in between
                         yield reading
                     return
+                else:
+                    yield None
         finally:
             self._readings.wait_for_reader(False)
 
     def stream(self) -> Iterator[Wrench]:
         """Filtered wrenches, one a frame; of a camera the newest alone where the reader is slower.
 
-        A frame that gives no number (the lamp is off, say) gives NaN and the reason among the wrench's flags.
+        A frame that gives no number (the lamp is off, say) gives NaN and the reason among the wrench's flags. A camera
+        that gives no frame any more (unplugged, silent) gives NaN once, its state among the flags.
         """
-        for reading in self.readings():
-            if not (self._live and self._readings.waiting):
+        said = not self._live  # a file that has ended holds its last numbers
+        for reading in self._taken():
+            if reading is None:
+                if not said and self._endcap.stats.last is not None and not self.health.valid:
+                    said = True
+                    yield self.now()
+            elif not (self._live and self._readings.waiting):
+                said = not self._live
                 yield reading.wrench
 
     def now(self) -> Wrench:

@@ -58,7 +58,7 @@ class ReplayFeed(FileFeed):
 
     @property
     def damage(self) -> str:
-        """Where the recording is damaged; empty where it is not, so far, and where it is only cut."""
+        """Where the recording is cut or damaged; empty where it is not, so far."""
         return self._damage
 
     def take(self) -> Captured | None:
@@ -92,7 +92,7 @@ class ReplayFeed(FileFeed):
                 try:
                     self._play(turn)
                 except (CutError, DamagedError) as error:  # that far it can be read, again and again
-                    problem, self._damage = error, str(error) if isinstance(error, DamagedError) else ""
+                    problem, self._damage = error, str(error)
                 if self._playback.finished(turn):
                     break
         except Exception:

@@ -118,11 +118,12 @@ def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int,
     return found
 
 
-def lasting_name(number: int, root: Path = BY_PATH) -> str:
+def lasting_name(number: int, root: Path | None = None) -> str:
     """Name of /dev/videoN by the USB port that it is plugged into; ``N`` where the computer has no such names.
 
     Numbers follow the order in which cameras answer at the start of the computer; the port stays.
     """
+    root = root or BY_PATH
     for link in sorted(root.glob("*-video-index*")) if root.is_dir() else []:
         if link.resolve().name == f"video{number}":
             return str(link)

@@ -12,7 +12,7 @@ from cad import plugins
 from cad.errors import FileError
 from cad.messages import LOG
 from sensing.records import Frame
-from sensing.sources.camera import CameraConfig, CameraSource, device_number
+from sensing.sources.camera import CameraConfig, CameraSource, device_number, lasting_name
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
 from sensing.sources.newest import FrameSource, OnArrival
@@ -22,26 +22,24 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     """(function that opens the source anew, whether it is live and worth reopening when it ends).
 
     Args:
-        word: ``0`` for /dev/video0, a name of /dev/v4l/by-path, ``http://...``, ``NAME:ADDRESS`` of a plug-in, a folder
-            of pictures, a video or a picture.
+        word: ``0`` for the port of what is /dev/video0 now, a name of /dev/v4l/by-path, ``http://...``,
+            ``NAME:ADDRESS`` of a plug-in, a folder of pictures, a video or a picture.
         camera: mode and exposure for a camera; its device number is replaced by ``word``.
 
     Raises:
         FileError: nothing of that name.
     """
-    if is_camera_number(word):
-        base = camera or CameraConfig()
-        config = CameraConfig(int(word), base.size, base.rate_hz, base.exposure, base.gain)
-        return lambda: CameraSource(config), True
-    if word.startswith("/dev/"):  # looked up at every opening: the port stays, the number may not
-        base = camera or CameraConfig()
-        return lambda: CameraSource(replace(base, device=device_number(word))), True
+    base = camera or CameraConfig()
+    port = lasting_name(int(word)) if is_camera_number(word) else word  # cameras that come back may swap their numbers
+    if is_camera_number(port):
+        return lambda: CameraSource(replace(base, device=int(port))), True
+    if port != word or port.startswith("/dev/"):  # looked up at every opening: the port stays, the number may not
+        return lambda: CameraSource(replace(base, device=device_number(port))), True
     if word.startswith(("http://", "https://")):
         return lambda: MjpegSource(word), True
     name, colon, address = word.partition(":")
     if colon and name in plugins.names(plugins.Kind.CAMERA):
         plugins.load(plugins.Kind.CAMERA, name)  # a broken one is named now, not in the thread that reopens it
-        base = camera or CameraConfig()
         return lambda: plugins.make(plugins.Kind.CAMERA, name, "__iter__", address, base), True
     path = Path(word)
     if os.path.isdir(word):

@@ -178,6 +178,11 @@ class MountingWatch:
         self._last: DotTracks | None = None  # the picture before this one
         self._before: DotTracks | None = None  # that before a step which the next picture has to confirm
 
+    @property
+    def untouched(self) -> bool:
+        """Whether the last picture shows a camera that has moved and, as that explains all dots, no touch."""
+        return bool(self.reason) and self.motion is not None and self.motion.kind is MotionKind.MOUNTING
+
     def update(self, tracks: DotTracks, own_weight: OwnWeight | None = None) -> None:
         """The dots of one more picture.
 

@@ -109,7 +109,7 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
     ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
     with Engine([endcap], [listener]):
         _await_reference(endcap)
-        untouched = _await(listener, RestWatch.untouched, "untouched")
+        untouched = _await(endcap, listener, RestWatch.untouched, "untouched")
         say(f"  untouched: {np.linalg.norm(untouched.wrench[:3]):.2f} N, no contact; taken out of what follows")
         while True:
             more = "" if len(poses) < 2 else ", or Enter to finish"
@@ -120,7 +120,7 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
                 request = terms.request(word)
                 ask(f"  load it with {request.name}, let it stand still, then press Enter ")
                 listener.anew()
-                pressed = _await(listener, RestWatch.pressed, "under the load")
+                pressed = _await(endcap, listener, RestWatch.pressed, "under the load")
                 pose = made_pose(request, pressed.less(untouched), terms.gravity_m_s2)
                 require_unit(pose)
                 if len(poses) > 1:
@@ -161,8 +161,8 @@ def _await_reference(endcap: LiveEndcap) -> None:
         raise WeighingError(f"{endcap.name}: {why}")
 
 
-def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:
-    """Wait for an interval at rest; a terminal shows the reason of the wait."""
+def _await(endcap: LiveEndcap, listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:
+    """Wait for an interval at rest; a terminal shows the reason of the wait, a refusal that of the endcap, too."""
     end_s = time.monotonic() + REST_S
     while True:
         time.sleep(POLL_S)
@@ -170,13 +170,16 @@ def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) ->
             found = listener.ask(what)
             _show("")
             return found
-        except WeighingError:
+        except WeighingError as error:
             force, moved = listener.newest()
             if force == force:
                 _show(f"  {where}: {force:.2f} N, moved by {moved:.2f} N in the last second")
             if time.monotonic() > end_s:
                 _show("")
-                raise
+                if endcap.health.valid:
+                    raise
+                condition = endcap.machine.condition
+                raise WeighingError(f"{error}; now {condition.state}: {condition.reason}") from None
 
 
 def _show(text: str) -> None:

@@ -15,8 +15,8 @@ Notes:
 
         h' = exp(-dt / tau) h + b (w' - w) (tau / dt) (1 - exp(-dt / tau)).
 
-    At the start h = 0: the shell has relaxed. Doubt about the constants goes into the covariance as
-    sum_i (sd(b_i) / b_i)^2 h_i h_i'.
+    At the start h = 0, the shell has relaxed, unless the state of an earlier filter is given. Doubt about the constants
+    goes into the covariance as sum_i (sd(b_i) / b_i)^2 h_i h_i'.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from cad.errors import ParameterError
 from sensing.records import Wrench
 
 Array = NDArray[np.float64]
+AXES = 6  # of a wrench
 MOST_TERMS = 4  # of the Prony series
 MOST_STRENGTH = 1.0  # of a term: the silicone would be twice as stiff at once as in the long term
 TAU_S = (1e-3, 1e4)  # accepted relaxation times, s
@@ -83,20 +84,57 @@ class RateStep:
     overstress: Array
 
 
+@dataclass(frozen=True)
+class Overstress:
+    """State of a :class:`RateFilter`, with which another one goes on; plain numbers, to be written and compared.
+
+    Attributes:
+        by_term: (terms, 6) overstress of each term, N and N m.
+        time_s: of the last estimate that counted; None where it is unknown, as after the clock was set.
+        long_term: (6,) that estimate, N and N m; empty where ``time_s`` is None.
+
+    Raises:
+        ValueError: numbers that are not finite, or too many or too few of them.
+    """
+
+    by_term: tuple[tuple[float, ...], ...]
+    time_s: float | None = None
+    long_term: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        numbers = [*self.long_term, *(value for row in self.by_term for value in row), self.time_s or 0.0]
+        sized = 0 < len(self.by_term) <= MOST_TERMS and all(len(row) == AXES for row in self.by_term)
+        if not sized or len(self.long_term) != (0 if self.time_s is None else AXES) or not np.isfinite(numbers).all():
+            raise ValueError(f"overstress of {len(self.by_term)} terms and {len(self.long_term)} axes")
+
+
 class RateFilter:
-    """The overstress of one endcap, from frame to frame; it begins relaxed.
+    """The overstress of one endcap, from frame to frame.
 
     Args:
         terms: of the series; none at all leaves every wrench as it is.
+        begin: state of the filter before; None, or one of another number of terms, begins relaxed.
     """
 
-    def __init__(self, terms: Sequence[Term] = ()) -> None:
+    def __init__(self, terms: Sequence[Term] = (), begin: Overstress | None = None) -> None:
         self._tau = np.array([term.tau_s for term in terms])
         self._strength = np.array([term.strength for term in terms])
         self._doubt = np.array([term.sd / term.strength for term in terms])
         self._time_s = 0.0
         self._long_term: Array | None = None
-        self._overstress = np.zeros((len(terms), 6))
+        self._overstress = np.zeros((len(terms), AXES))
+        if begin is not None and len(begin.by_term) == len(terms):
+            self._overstress = np.array(begin.by_term)
+            if begin.time_s is not None:
+                self._time_s, self._long_term = begin.time_s, np.array(begin.long_term)
+
+    @property
+    def state(self) -> Overstress | None:
+        """With which another filter goes on; None where it would begin relaxed anyway."""
+        by_term = tuple(tuple(row) for row in self._overstress.tolist())
+        if self._long_term is not None:
+            return Overstress(by_term, self._time_s, tuple(self._long_term.tolist()))
+        return Overstress(by_term) if self._overstress.any() else None
 
     def step(self, wrench: Wrench) -> RateStep:
         """The corrected wrench; one that is not finite, flagged "missing" or no newer than the last is unchanged."""

@@ -18,7 +18,7 @@
     lens = "released"                   # for which this was set up: checked, not chosen here
     own_weight = "subtracted"           # what a turn makes of the skin's own weight; "kept" leaves it in
     contact_on_n = 0.8                  # 0 for the model's own
-    contact_off_n = 0.5
+    contact_off_n = 0.5                 # 0: 60 % of contact_on_n
     exposure = 0.0                      # fixed, in the driver's unit; 0: automatic
     rate_hz = 0.0                       # asked of a camera; 0: 30
     gain = 0.731                        # of sensing.weigh: stiffness of its silicone over that of the training data
@@ -80,7 +80,8 @@ class EndcapConfig:
         source: word for :func:`sensing.sources.choose.source_opener`, or ``scene:N``.
         zero: reference file; None to zero at the start.
         diameter_mm, wall_mm: the design.
-        contact_on_n, contact_off_n: force at which contact begins and ends; 0 for the model's own.
+        contact_on_n, contact_off_n: force at which contact begins and ends; 0 for the model's own (``contact_off_n``
+            alone: its share of ``contact_on_n``).
         exposure: fixed exposure of a camera in the driver's unit; 0 leaves it automatic.
         rate_hz: frames a second asked of a camera (0: 30), or pictures a second of a folder (0: one, each for itself).
         camera: calibration (:mod:`sensing.calibrate`), by which the default model's weights suit any mounting; None

@@ -31,7 +31,8 @@ def change_entries(path: Path, changes: Mapping[str, Entries]) -> None:
     for endcap in changes:
         if endcap not in names:
             raise FileError(f"{path}: no endcap {endcap}: it has {', '.join(names)}")
-    text = path.read_text(encoding="utf-8")
+    content = path.read_bytes().decode("utf-8-sig")
+    text, ends = content.replace("\r\n", "\n"), "\r\n" if "\r\n" in content else "\n"
     lines = text.splitlines()
     heads = [k for k, line in enumerate(lines) if _ENDCAP.match(line)]
     if len(heads) == len(names):
@@ -40,7 +41,7 @@ def change_entries(path: Path, changes: Mapping[str, Entries]) -> None:
             found += _with_entries(lines[begin:end], changes.get(name, {}))
         changed = "\n".join(found) + "\n"
         if _only_changed(text, changed, [changes.get(name, {}) for name in names]):
-            replace_file(path, changed.encode())
+            replace_file(path, changed.replace("\n", ends).encode())
             return
     said = "; ".join(f"under {name}: {'; '.join(_lines(entries))}" for name, entries in changes.items())
     raise FileError(f"{path}: cannot be changed without touching other lines: put these in by hand, {said}")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from cad.errors import FileError, printable
+from cad.errors import FileError, ParameterError, printable
 from cad.whole_file import replace_file
 from sensing.interpreter import typed_command
 from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
@@ -22,6 +24,8 @@ TEXTS = (
 )  # fmt: skip
 EXAMPLE = "sensing.live.core.config"  # module whose text has every key
 MOST_BYTES = 1 << 20  # of the file
+LEAST_REACH_MM = 2.0  # from the robot's origin to the farthest of two or more endcaps: 2 m written as m
+Made = TypeVar("Made")
 NO_KEYS = ("endcaps", "own_weights")  # of a configuration: tables of their own, and what only a recording carries
 
 
@@ -30,14 +34,14 @@ def load_config(path: Path) -> LiveConfig:
 
     Raises:
         FileError: missing, no TOML, an unknown or missing key.
-        ParameterError: a bad value.
+        ParameterError: a bad value, with the file and its endcap.
     """
     try:
         with path.open("rb") as stream:
             text = stream.read(MOST_BYTES + 1)
         if len(text) > MOST_BYTES:
             raise ValueError(f"more than {MOST_BYTES} bytes")
-        reported = tomllib.loads(text.decode("utf-8"))
+        reported = tomllib.loads(text.decode("utf-8-sig"))  # some editors begin a file with a byte order mark
     except OSError as error:
         raise FileError(f"{path}: {error.strerror}: write it with python -m sensing.setup") from None
     except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of thousands of digits, deep nesting
@@ -46,8 +50,44 @@ def load_config(path: Path) -> LiveConfig:
     endcaps = reported.pop("endcap", [])
     if not isinstance(endcaps, list) or not all(isinstance(endcap, dict) for endcap in endcaps):
         raise FileError(f"{path}: endcap is no list of tables: begin each with [[endcap]]")
-    made = tuple(EndcapConfig(**(OF_BEFORE | _checked(path, EndcapConfig, endcap))) for endcap in endcaps)
-    return LiveConfig(made, **_checked(path, LiveConfig, reported))
+    checked = [OF_BEFORE | _checked(path, EndcapConfig, endcap) for endcap in endcaps]
+    made = tuple(_named(f"{path}, {values['name']}", partial(EndcapConfig, **values)) for values in checked)
+    config = _named(str(path), partial(LiveConfig, made, **_checked(path, LiveConfig, reported)))
+    _require_apart(path, config.endcaps)
+    return config
+
+
+def _named(where: str, make: Callable[[], Made]) -> Made:
+    """What is made of values of the file; an error of theirs says where they stand."""
+    try:
+        return make()
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}", name=error.name, value=error.value) from None
+
+
+def _require_apart(path: Path, endcaps: Sequence[EndcapConfig]) -> None:
+    """Refuse what no robot is, and what a copied or mistaken line makes of one.
+
+    Raises:
+        ParameterError: one address for two endcaps, or places in metres.
+    """
+    seen: dict[str, str] = {}
+    for endcap in endcaps:
+        other = seen.setdefault(endcap.source, endcap.name)
+        if other != endcap.name and endcap.source.startswith("http"):
+            raise ParameterError(
+                f"{path}: {other} and {endcap.name} have the same source, {endcap.source}: one camera sees one "
+                "endcap, and a sum of forces would count it twice: give each its own address, or leave one out",
+                name="source",
+            )
+    reaches_mm = [float(np.linalg.norm(endcap.T_robot_endcap[:3, 3])) for endcap in endcaps]
+    if len(endcaps) > 1 and 0 < max(reaches_mm) < LEAST_REACH_MM:
+        raise ParameterError(
+            f"{path}: T_robot_endcap puts all endcaps within {max(reaches_mm):.3g} mm of the robot's origin: give mm "
+            "(these look like metres)",
+            name="T_robot_endcap",
+            value=max(reaches_mm),
+        )
 
 
 def save_config(config: LiveConfig, path: Path) -> None:
@@ -88,8 +128,11 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
     Raises:
         FileError: a key that is unknown, missing or of another type.
     """
-    known = {entry.name for entry in fields(kind)} - set(NO_KEYS)
+    known, other = ({entry.name for entry in fields(each)} - set(NO_KEYS) for each in (kind, _other(kind)))
     unknown = sorted(set(reported) - known)
+    if unknown and set(unknown) <= other:
+        where = "above the first [[endcap]]" if kind is EndcapConfig else "under the [[endcap]] that it is of"
+        raise FileError(f"{path}: {', '.join(unknown)} in the wrong place: write it {where}")
     if unknown:
         raise FileError(f"{path}: unknown key {', '.join(unknown)}: known are {', '.join(sorted(known))}")
     if kind is EndcapConfig and not {"name", "source"} <= set(reported):
@@ -115,6 +158,10 @@ def _checked(path: Path, kind: type, reported: dict[str, Any]) -> dict[str, Any]
             value = value or None
         values[key] = value
     return values
+
+
+def _other(kind: type) -> type:
+    return LiveConfig if kind is EndcapConfig else EndcapConfig
 
 
 def _is_matrix(value: Any) -> bool:

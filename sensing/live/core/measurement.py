@@ -27,7 +27,9 @@ from sensing.live.core.load_watch import LoadWatch
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
+from sensing.live.core.rest_offset import RestOffset
 from sensing.live.core.seen import SeenFrame
+from sensing.live.core.stage_times import StageTimes
 from sensing.live.core.state import MEASURED, Event
 from sensing.live.core.still_watch import FLAG as COMPRESSED
 from sensing.live.core.still_watch import StillWatch
@@ -92,25 +94,28 @@ class Measurement:
             self._own_weight.change_g = np.array(kept.own_weight_g)
         scale = endcap.gain * model.load_scale
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm, scale
-        self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms)
+        self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms, kept.overstress)
         self._filter = WrenchFilter(FilterConfig().scaled(scale))
         threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)
         self._detector = ContactDetector(threshold, kept.touching)
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
-        self._still = StillWatch()
+        self._still, self._offset = StillWatch(), RestOffset(kept.offset)
         self.contact: ContactState | None = None
 
     @property
     def kept(self) -> Kept:
         """State that a restart keeps."""
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
-        return Kept((x, y, z), self._mounting.reason, self._load.reason, self._detector.touching)
+        return Kept(
+            (x, y, z), self._mounting.reason, self._load.reason, self._detector.touching, self._rate.state,
+            self._offset.state,
+        )  # fmt: skip
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
-        watch, before = _Watch(), self.kept
+        watch, before = StageTimes(), self.kept
         look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
         if not isinstance(look, Verdict):
             return self._measured(frame, captured_s, look, watch, before)
@@ -123,7 +128,7 @@ class Measurement:
             wrench=replace(blank.wrench, flags=look.flags), estimate=replace(blank.estimate, flags=look.flags),
         )  # fmt: skip
 
-    def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: _Watch, before: Kept) -> EndcapReading:
+    def _measured(self, frame: Frame, captured_s: float, look: _Look, watch: StageTimes, before: Kept) -> EndcapReading:
         """The reading of a frame whose picture could be decoded."""
         tracks, field, gray, estimate = look.tracks, look.field, look.gray, self._estimated(look)
         watch.lap("wrench")
@@ -142,17 +147,15 @@ class Measurement:
         smooth = self._filter.update(estimate if used else replace(estimate, flags=estimate.flags | {"missing"}))
         watch.lap("filter")
         nothing = np.full(3, np.nan)
-        contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
-        self.contact = contact
+        contact = self.contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
         centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
+        if used and contact.known:
+            self._offset.update(estimate, contact.touching and not self._mounting.untouched)
+        smooth = self._offset.widened(smooth)
         place = self._plane.of(smooth) if seen and contact.known and contact.touching else NO_CONTACT
         watch.lap("contact")
-        if self._count % DRIFT_EVERY == 0 and tracks is not None:
-            if gray is not None:
-                self._drift = measure_drift(self._used.zero, frame, tracks, gray, self._mounting.motion)
-                watch.lap("drift")
-            if used and verdict.flags.isdisjoint({DISTURBED, MOVED}):
-                self._load.update(field, estimate, contact.touching)
+        if self._count % DRIFT_EVERY == 0:
+            self._compare(frame, look, estimate, used and verdict.flags.isdisjoint({DISTURBED, MOVED}), watch)
         self._count += 1
         flags = verdict.flags | (smooth.flags - {"missing"}) if seen else verdict.flags | {"blind"}
         return EndcapReading(
@@ -164,6 +167,14 @@ class Measurement:
             trend=self._filter.trend @ self._to_endcap.T if used else NO_TREND, place=place, likeness=alike,
             before=before,
         )  # fmt: skip
+
+    def _compare(self, frame: Frame, look: _Look, estimate: Wrench, sure: bool, watch: StageTimes) -> None:
+        """Look for what has changed since the reference; a load under it shows in sure readings alone."""
+        if look.tracks is not None and look.gray is not None:
+            self._drift = measure_drift(self._used.zero, frame, look.tracks, look.gray, self._mounting.motion)
+            watch.lap("drift")
+        if look.tracks is not None and sure:
+            self._load.update(look.field, estimate, self._detector.touching)
 
     def _estimated(self, look: _Look) -> Wrench:
         """The wrench of one picture; its covariance includes the errors of camera, training data and silicone."""
@@ -228,7 +239,7 @@ class Measurement:
         )
         return Verdict(Event.RESIZED, reason, frozenset({"wrong_size"}))
 
-    def _look(self, frame: Frame, watch: _Watch) -> _Look | Verdict:
+    def _look(self, frame: Frame, watch: StageTimes) -> _Look | Verdict:
         """Tracks and field of a picture, or the reason why it cannot be used."""
         unusable = self._unusable(self._used.zero, frame)
         if unusable is not None:
@@ -238,7 +249,7 @@ class Measurement:
         except FrameError as error:
             return Verdict(Event.UNDECODED, str(error), frozenset({"damaged"}))
 
-    def _recorded(self, frame: SeenFrame, watch: _Watch) -> _Look | Verdict:
+    def _recorded(self, frame: SeenFrame, watch: StageTimes) -> _Look | Verdict:
         """Tracks and field of a recorded picture, or the reason why it could not be used."""
         method = self._used.method
         if frame.refused is not None:
@@ -260,7 +271,7 @@ class Measurement:
         """The field due to the load: without the motion due to the skin's own weight in another pose."""
         return method.field(tracks, None if self._own_weight is None else self._own_weight.motion(tracks))
 
-    def _field(self, method: FieldMethod, frame: Frame, watch: _Watch) -> _Look:
+    def _field(self, method: FieldMethod, frame: Frame, watch: StageTimes) -> _Look:
         if not isinstance(method, ModelInput):
             gray = decode_gray(frame, COARSE)
             field = method.update(frame)
@@ -283,16 +294,3 @@ class _Look:
     field: ShearField
     gray: Image | None
     likeness: float = float("nan")
-
-
-class _Watch:
-    """Stop watch: duration of each stage, ms."""
-
-    def __init__(self) -> None:
-        self.stages: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.stages[name] = 1e3 * (now - self._last)
-        self._last = now

@@ -70,11 +70,12 @@ class LiveModel:
         """Contact threshold: the one given, or for 0 a force above the model's own answer at rest.
 
         Args:
-            on_n, off_n: at which contact begins and ends.
+            on_n: at which contact begins.
+            off_n: at which it ends; 0 for the model's own share of ``on_n``, as no force is below 0.
             gain: from the model's force to the endcap's.
         """
         if on_n > 0:
-            return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
+            return ContactThreshold(on_n, off_n or on_n * RELEASE_N / CONTACT_N, float("nan"), 0.0, True)
         on_n, off_n = (gain * (self.rest_n + force_n * self.load_scale) for force_n in (CONTACT_N, RELEASE_N))
         return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
 

@@ -253,9 +253,10 @@ class EndcapPipeline:
         self._used, self._check = reference, self._checks.get(reference.method)
         self._begin(kept)
 
-    def _restart_in_use(self) -> None:
-        """Restart, but keep the estimates of pose and mounting, which a touch may hide in the next frames."""
-        self.restart(NOTHING_KEPT if self._measurement is None else self._measurement.kept)
+    def _restart_in_use(self, clock_set: bool = False) -> None:
+        """Restart, but keep what the next frames may not show: pose and mounting under a touch, and overstress."""
+        if self._measurement is not None:
+            self.restart(self._measurement.kept.on_another_clock if clock_set else self._measurement.kept)
 
     def _take_over(self) -> str:
         """Carry out requests between two frames; returns why the first reference was refused, or ""."""
@@ -291,10 +292,8 @@ class EndcapPipeline:
             self._say("a frame came late and was passed over")
             return False
         if self._last_s > float("-inf") and not -JUMP_S < step < FORWARD_S:
-            self._restart_in_use()
-            reason = f"the clock of the frames was set back by {-step:.1f} s"
-            if step > 0:
-                reason = f"no frame for {step:.0f} s, or their clock was set"
-            self._say(f"{reason}: started anew")
+            self._restart_in_use(clock_set=step < 0)
+            back, ahead = "the clock of the frames was set back by", "or their clock was set: started anew"
+            self._say(f"{back} {-step:.1f} s: started anew" if step < 0 else f"no frame for {step:.0f} s, {ahead}")
         self._last_s = time_s
         return True

@@ -13,8 +13,9 @@ until it is confirmed. Forces in N, pixels of the full-size picture.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from sensing.tracking.mounting import common_motion, without_motion
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero, ZeroError, single_zero, take_zero
 
+GAP_S, GAP_STEPS = 1.0, 3.0  # least gap between the frames of a reference, and of the longest step before
 _ONE_AT_A_TIME = threading.Lock()  # or all endcaps would be slow together
 
 
@@ -132,6 +134,8 @@ class ReferenceTaker:
         request = self._request
         if request is None or len(request.frames) == self._count:
             return
+        if _after_gap(request.frames, frame):
+            request.frames.clear()  # plugged in again, the camera may sit otherwise: no mean of both
         request.frames.append(frame)
         if len(request.frames) < self._count:
             return
@@ -196,6 +200,12 @@ class ReferenceTaker:
             elif last is None:
                 _require_design(misplaced_px(zero, self._params, method.tracker), most_misplaced_px(self._params))
         return Reference(zero, method)
+
+
+def _after_gap(frames: Sequence[Frame], frame: Frame) -> bool:
+    """Whether a frame comes after a gap that the camera's pace, known of two frames or more, does not explain."""
+    steps_s = [one.time_s - other.time_s for other, one in pairwise([*frames, frame])]
+    return len(steps_s) > 1 and steps_s[-1] > max(GAP_S, GAP_STEPS * max(steps_s[:-1]))
 
 
 def press_n(before: ModelInput, new: Zero, estimator: WrenchEstimator, params: EndcapParams | None = None) -> float:

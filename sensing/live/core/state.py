@@ -52,6 +52,7 @@ class Event(StrEnum):
 
 
 VALID = frozenset({State.RUNNING, State.DEGRADED, State.ENDED})  # of a file that has ended, the last ones
+WITHOUT_FRAMES = frozenset({State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED})
 MEASURED = frozenset({Event.GOOD, Event.FLAGGED})
 LEVEL = {  # of diagnostic_msgs/DiagnosticStatus: 0 OK, 1 WARN, 2 ERROR
     State.RUNNING: 0,

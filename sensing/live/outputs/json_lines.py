@@ -11,13 +11,12 @@ from typing import Any, TextIO
 
 from sensing.live.core.reading import EndcapReading, nothing, plain
 from sensing.live.core.sink import QueuedSink
-from sensing.live.core.state import State
+from sensing.live.core.state import WITHOUT_FRAMES
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs.beat import Beat
 
 ROOM = 1024  # readings that a slow reader may be behind
 BEAT_S = 0.2
-NO_FRAMES = {State.WAITING, State.SILENT, State.UNPLUGGED, State.FAILED}
 
 
 class JsonLines(QueuedSink):
@@ -64,7 +63,7 @@ class JsonLines(QueuedSink):
             return  # readings from before come first
         for health in self._health():
             changed, self._states[health.endcap] = self._states.get(health.endcap) != health.status, health.status
-            if changed and health.status in NO_FRAMES and not self.failed:
+            if changed and health.status in WITHOUT_FRAMES and not self.failed:
                 self._line(nothing(health.endcap, health.status, health.message))
 
     def _line(self, content: dict[str, Any]) -> None:

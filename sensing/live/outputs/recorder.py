@@ -156,8 +156,8 @@ class Recorder(QueuedSink):
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
             self._add(reading, "zero_error_px", ros.float64(reading.zero.error_px), stamp)
-        if reading.before != self._kept.get(reading.endcap):
-            self._kept[reading.endcap] = reading.before
+        if (kept := reading.before.of_events) != self._kept.get(reading.endcap):
+            self._kept[reading.endcap] = kept
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)
         norm = float((reading.wrench.force_n**2).sum() ** 0.5)
         self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)

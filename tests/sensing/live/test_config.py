@@ -49,6 +49,18 @@ def test_the_example_to_which_a_message_points_has_every_key_and_is_read(tmp_pat
         load_config(tmp_path / "endcaps.toml")
 
 
+TWO = (  # sources, place in the robot
+    "[[endcap]]\nname = 'a'\nsource = '{0}'\nT_robot_endcap = [[1,0,0,{2}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n"
+    "[[endcap]]\nname = 'b'\nsource = '{1}'\nT_robot_endcap = [[1,0,0,-{2}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n"
+)
+
+
+def test_a_file_with_a_byte_order_mark_and_two_addresses_is_read(tmp_path):
+    path = tmp_path / "endcaps.toml"
+    path.write_text(TWO.format("http://h/1", "http://h/2", 150), encoding="utf-8-sig")
+    assert [endcap.source for endcap in load_config(path).endcaps] == ["http://h/1", "http://h/2"]
+
+
 @pytest.mark.parametrize(
     ("text", "reported"),
     [
@@ -68,7 +80,12 @@ def test_the_example_to_which_a_message_points_has_every_key_and_is_read(tmp_pat
             "[[endcap]]\nname = 'a'\nsource = 'scene:1'\n[[endcap]]\nname = 'b'\nsource = 'scene:01'",
             "is the camera of a",
         ),
-        ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "diameter_mm"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\ndiameter_mm = 12", "endcaps.toml, a: diameter_mm=12"),
+        ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "endcaps.toml: model="),
+        (TWO.format("http://h/1", "http://h/1", 150), "a and b have the same source, http://h/1"),
+        (TWO.format("0", "1", 0.15), "within 0.15 mm of the robot's origin: give mm"),
+        ("[[endcap]]\nname = 'a'\nsource = '0'\nweight_n = 60", "weight_n in the wrong place: write it above"),
+        ("wall_mm = 8\n[[endcap]]\nname = 'a'\nsource = '0'", "wall_mm in the wrong place: write it under the"),
         ("model = 'best'\n[[endcap]]\nname = 'a'\nsource = '0'", "model='best'"),
         ("endcap = 3", "no list of tables"),
         ("weight_n = ", "no TOML"),

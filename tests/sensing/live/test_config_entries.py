@@ -37,3 +37,10 @@ def test_entries_of_several_endcaps_are_written_together_or_not_at_all(tmp_path)
     with pytest.raises(FileError, match=r"by hand, under a: gain = 0\.7; under b: gain = 0\.9"):
         change_entries(path, {"a": {"gain": 0.7}, "b": {"gain": 0.9}})
     assert path.read_text() == text
+
+
+def test_ends_of_lines_stay_and_a_byte_order_mark_is_no_hindrance(tmp_path):
+    path = tmp_path / "endcaps.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + WRITTEN.replace("\n", "\r\n").encode())
+    change_entries(path, {"b": {"gain": 0.5}})
+    assert path.read_bytes() == (WRITTEN + "gain = 0.5\n").replace("\n", "\r\n").encode()

@@ -82,6 +82,7 @@ def test_a_dome_that_was_weighed_as_soft_reads_as_a_hard_one_in_smaller_newtons(
 def test_a_gain_scales_the_force_at_which_contact_begins(hard):
     model = live_model("default", hard, hard.shape)
     assert model.threshold(gain=0.1).on_n == pytest.approx(0.1 * CONTACT_N)
+    assert model.threshold(0.9).off_n == pytest.approx(0.54)  # contact_on_n alone: below 0 it would never end
 
 
 def test_a_contact_beside_the_covered_angles_is_flagged_however_soft_the_dome(hard, soft):

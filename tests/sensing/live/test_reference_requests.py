@@ -117,6 +117,17 @@ def test_a_reference_that_comes_while_one_is_looked_for_is_not_lost():
     assert asked.take() is not None
 
 
+@pytest.mark.parametrize(("step_s", "gap_s", "taken"), [(1 / 30, 4.0, range(4, 9)), (2.0, 4.0, range(5))])
+def test_a_reference_holds_no_picture_from_before_a_camera_was_unplugged(step_s, gap_s, taken):
+    """It was the mean of two places of the camera, which reads as a load for ever; a slow camera has no such gap."""
+    asked = ReferenceTaker("a", EndcapConfig("a", "0").params, 5, lambda zero: Method(), LinearModel(), 1.0)
+    asked.ask(confirmed=True)
+    for k in range(9):
+        asked.offer(Frame(k * step_s + gap_s * (k >= 4), k, "a", jpeg=b"x"), None)
+    wait_for(lambda: asked._made is not None)
+    assert [frame.sequence for frame in asked.take().zero.frames] == list(taken)
+
+
 def test_a_refusal_asks_again_only_where_nobody_has_asked_since():
     asked = taker()
     asked.ask()

@@ -1,48 +1,25 @@
-"""What a restart during a touch keeps of the frames before: the skin's own weight, and that the camera has moved."""
+"""What a restart keeps of the frames before: own weight, a camera that has moved, a touch, silicone that relaxes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from live_stand_in import PATIENCE_S, film, frames, pipeline, stand_in
+from live_stand_in import PATIENCE_S, stand_in
+from turned_endcap import RATE_HZ, SIDEWAYS_G, Turned
 
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.kept import Kept, kept_of
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.live.core.reading import EndcapReading
-from sensing.live.core.seen import Pictures, SeenFrame
+from sensing.live.core.seen import Pictures
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 from sensing.live.timeline import Timeline
+from sensing.wrench.relaxation import Overstress
 
-SIZE, RATE_HZ, NOISE_PX = (640, 480), 30.0, 0.01
-SIDEWAYS_G, OFF_G = (1.0, 0.0, 1.0), 0.4  # from upright to lying; the drawn dome is not the design to the pixel
+OFF_G = 0.4  # the drawn dome is not the design to the pixel
 SHIFT_PX = (1.0, 0.3)
-
-
-class Turned:
-    """An endcap whose dots are moved as own weight, a shifted camera and a touch move them."""
-
-    def __init__(self) -> None:
-        self.pipe, self.count = pipeline(), 1
-        self.pipe.update(frames(film([0]))[0])
-        method = self.pipe._used.method
-        self.places = method.tracker.reference_px
-        self.sag = np.zeros_like(self.places)
-        self.sag[method.known] = self.pipe._measurement._own_weight._modes @ np.array(SIDEWAYS_G)
-        away = self.places - self.places.mean(axis=0) - [60.0, 40.0]
-        self.touch = 8.0 * np.exp(-(away**2).sum(axis=1) / 2 / 60.0**2)[:, None] * [1.0, 0.4]
-        self._rng = np.random.default_rng(0)
-
-    def frame(self, moved: np.ndarray) -> SeenFrame:
-        self.count += 1
-        count = len(self.places)
-        noise = self._rng.normal(0.0, NOISE_PX, moved.shape)
-        rows = np.column_stack([self.places + moved + noise, np.full(count, 0.995), np.zeros(count)])
-        return SeenFrame(100.0 + self.count / RATE_HZ, self.count, "test", size=SIZE, rows=rows, likeness=0.99)
-
-    def give(self, moved: np.ndarray, count: int) -> list[EndcapReading]:
-        return [self.pipe.update(self.frame(moved)) for _ in range(count)]
+RELAXATION = ((0.05, 0.1, 0.01), (0.04, 1.0, 0.01))  # strength, tau in s, sd
 
 
 @pytest.fixture
@@ -90,6 +67,43 @@ def test_a_restart_ends_no_contact(turned):
     assert not turned.give(np.zeros_like(light), 10)[-1].contact.touching
 
 
+def relaxing(turned: Turned) -> Turned:
+    """The same endcap with silicone that relaxes."""
+    turned.pipe.endcap = replace(turned.pipe.endcap, relaxation=RELAXATION)
+    turned.pipe.set_zero(turned.pipe.zero)
+    return turned
+
+
+@pytest.mark.parametrize("set_back_s", [0.0, 5.0])
+def test_overstress_goes_on_after_a_restart(set_back_s):
+    """It began relaxed, and read a step of 5 to 9 % of the force where nothing had moved."""
+    forces = []
+    for restarts in (False, True):
+        turned = relaxing(Turned())
+        turned.give(0 * turned.touch, 5)
+        turned.give(turned.touch, 3)
+        if restarts and not set_back_s:
+            turned.pipe.request_restart()
+        turned.count -= round(set_back_s * RATE_HZ) if restarts else 0
+        forces.append([reading.estimate.force_n for reading in turned.give(turned.touch, 30)])
+        assert ("was set back" in turned.pipe.note) is (restarts and set_back_s > 0)
+    whole_n = np.linalg.norm(forces[0][-1])
+    if set_back_s:  # the time between two frames is lost with the clock
+        assert np.abs(forces[1][0] - forces[0][0]).max() < 0.02 * whole_n
+    else:
+        assert np.array_equal(*forces)
+    assert np.linalg.norm(forces[0][0]) > 1.03 * whole_n
+
+
+def test_a_recording_that_begins_while_the_silicone_relaxes_is_computed_again_to_the_bit(tmp_path):
+    turned = relaxing(Turned())
+    turned.give(turned.touch, 5)
+    path = record_touch(turned, tmp_path, EndcapConfig("endcap_0", "test", relaxation=RELAXATION))
+    check = verify(path, read_config(path), lambda _: stand_in())
+    assert (check.frames, check.different, check.end) == (80, 0, None)
+    assert next(iter(recorded_frames(path, "endcap_0"))).kept.overstress is not None
+
+
 def test_a_new_reference_begins_with_nothing(turned):
     turned.give(turned.sag, 10)
     turned.pipe.set_zero(turned.pipe.zero)
@@ -101,11 +115,14 @@ def recorded(turned, tmp_path) -> Path:
     """A recording that begins during a touch, of an endcap that lies on its side and is then stood up."""
     turned.give(turned.sag, 10)
     turned.give(turned.sag + turned.touch, 5)
-    path = tmp_path / "run.mcap"
+    return record_touch(turned, tmp_path, EndcapConfig("endcap_0", "test"))
+
+
+def record_touch(turned: Turned, folder: Path, endcap: EndcapConfig) -> Path:
+    path = folder / "run.mcap"
     recorder = Recorder(
-        path, LiveConfig((EndcapConfig("endcap_0", "test"),)), {"endcap_0": turned.pipe.epoch}, lambda _: None,
-        pictures=Pictures.NONE,
-    )  # fmt: skip
+        path, LiveConfig((endcap,)), {"endcap_0": turned.pipe.epoch}, lambda _: None, pictures=Pictures.NONE
+    )
     recorder.start()
     turned.pipe.request_restart()
     for moved in (turned.sag + turned.touch, turned.sag, 0 * turned.sag, turned.touch):
@@ -136,13 +153,24 @@ def test_a_replay_that_begins_during_a_touch_has_the_turn_of_that_moment(recorde
 
 
 def test_what_is_kept_is_read_as_it_was_written():
-    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load", True)
+    overstress = Overstress(((0.1, 1 / 3, 0.0, 1e-17, -2.0, 5.0),), 100.1, (1.0, 2.0, 3.0, 0.1, 0.2, 1 / 7))
+    kept = Kept((0.1, -1 / 3, 2.0), "camera or lens have moved", "taken under load", True, overstress)
     assert kept_of(kept.text()) == kept
+    assert kept_of(kept.on_another_clock.text()).overstress == Overstress(overstress.by_term)
+    assert kept_of(kept.of_events.text()) == kept.of_events
     before = '{"own_weight_g": [0.5, 0, 1], "moved": ""}'  # of a recording made before loads were looked for
     assert kept_of(before) == Kept((0.5, 0.0, 1.0))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"own_weight_g": [1, 2], "moved": ""}', '{"own_weight_g": [9, 0, NaN]}'])
+NO_OVERSTRESS = '{"own_weight_g": [0, 0, 0], "moved": "", "overstress": %s}'
+
+
+@pytest.mark.parametrize("text", [
+    "{", "[]", '{"own_weight_g": [1, 2], "moved": ""}', '{"own_weight_g": [9, 0, NaN]}', NO_OVERSTRESS % "[1]",
+    NO_OVERSTRESS % '{"by_term": [[1, 2, 3]], "time_s": null, "long_term": []}',
+    NO_OVERSTRESS % '{"by_term": [[1, 2, 3, 4, 5, Infinity]], "time_s": null, "long_term": []}',
+    NO_OVERSTRESS % '{"by_term": [[1, 2, 3, 4, 5, 6]], "time_s": 1.0, "long_term": [1]}',
+])  # fmt: skip
 def test_other_text_is_refused(text):
     with pytest.raises((ValueError, KeyError, TypeError)):
         kept_of(text)

@@ -14,6 +14,7 @@ from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.endcap import Endcap, open_endcap
+from sensing.sources.newest import SourceError
 from sensing.tracking.zero import load_zero
 
 
@@ -26,6 +27,10 @@ class Hand:
         noisy = [np.clip(rest + rng.normal(0, 3, rest.shape), 0, 255).astype(np.uint8) for _ in range(40)]
         self.rest, self.pressed = [cv2.imencode(".jpg", each)[1].tobytes() for each in noisy], pictures[1:]
         self.on: int | None = None
+        self.gone: int | None = None  # the camera that is unplugged
+        self.knocked: int | None = None  # the camera that has moved
+        moved = np.roll(rest, 2, axis=1) + rng.normal(0, 3, rest.shape)
+        self.aside = [cv2.imencode(".jpg", np.clip(moved, 0, 255).astype(np.uint8))[1].tobytes()]
         self.count = count
 
     def endcaps(self, config, models=None):
@@ -39,7 +44,9 @@ class Hand:
 
         def source():
             for count, frame in enumerate(endless(self.rest, 100)()):
-                pictures = self.pressed if self.on == number else self.rest
+                if self.gone == number:
+                    raise SourceError("/dev/video9: no such camera")
+                pictures = self.pressed if self.on == number else self.aside if self.knocked == number else self.rest
                 jpeg = pictures[rng.integers(len(pictures))]  # a period would be taken for drift
                 yield type(frame)(frame.time_s, count, "test", jpeg=jpeg, size=frame.size)
 
@@ -85,6 +92,40 @@ def test_a_touch_that_nobody_sees_writes_nothing(tmp_path, monkeypatch, quick):
     with pytest.raises(ParameterError, match="no camera saw a touch"):
         setup.set_up(config(2), tmp_path / "endcaps.toml", lambda _: "", lambda _: "", lambda _: stand_in())
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("what", "during", "said"), [
+    ("gone", "rest", "1: unplugged: /dev/video9: no such camera; start again with all cameras plugged in"),
+    ("gone", "touch", "no camera saw a touch in 1 s: 1: unplugged: /dev/video9: no such camera; start again"),
+    ("knocked", "rest", "1: camera or lens have moved since the reference"),
+    ("knocked", "touch", "1: camera or lens have moved since the reference"),
+])  # fmt: skip
+def test_a_camera_that_is_unplugged_or_knocked_while_it_is_set_up_is_named(
+    tmp_path, monkeypatch, quick, what, during, said
+):
+    """It read "worth 0 independent frames: leave the endcap untouched for longer", and a knock passed for a touch."""
+    hand, lines = Hand(2), []
+    monkeypatch.setattr(setup, "open_endcaps", hand.endcaps)
+    monkeypatch.setattr(setup, "MOST_REST_S", 2.0 if (what, during) == ("gone", "rest") else 180.0)
+    if what == "gone":
+        monkeypatch.setattr(setup, "TOUCH_S", 1.0)
+
+    def say(line):
+        lines.append(line)
+        if during == "rest" and line.startswith("zeroed"):
+            setattr(hand, what, 1)
+        return ""
+
+    def ask(line):
+        if during == "touch" and line.startswith("press"):
+            setattr(hand, what, 1)
+        return ""
+
+    with pytest.raises(ParameterError, match=said):
+        setup.set_up(config(2), tmp_path / "endcaps.toml", ask, say, lambda _: stand_in())
+    assert list(tmp_path.iterdir()) == []
+    if (what, during) == ("gone", "rest"):
+        assert lines[-1].startswith("waiting for 1: unplugged")
 
 
 def test_a_configuration_that_is_there_is_kept(tmp_path):

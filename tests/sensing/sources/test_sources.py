@@ -275,9 +275,15 @@ def test_a_camera_is_known_by_its_port_whatever_number_it_gets(tmp_path, monkeyp
     assert [device_number(name) for name in lasting] == [0, 2]
     plug((2, 0))  # the computer started anew, and the cameras answered in another order
     assert [device_number(name) for name in lasting] == [2, 0]
+    monkeypatch.setattr("sensing.sources.camera.BY_PATH", ports)
+    monkeypatch.setattr("sensing.sources.choose.CameraSource", lambda config: config.device)
+    opener, _ = source_opener("2")
+    assert opener() == 2
+    plug((0, 2))  # unplugged while they run, and plugged in again in another order: it stays the same camera
+    assert opener() == 0
     (ports / names[0]).unlink()
     with pytest.raises(SourceError, match="no such camera: plug it into this port"):
-        device_number(lasting[0])
+        opener()
     opener, live = source_opener("/dev/v4l/by-path/none-video-index0")
     assert live
     with pytest.raises(SourceError, match="no such camera"):

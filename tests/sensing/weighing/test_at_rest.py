@@ -9,6 +9,7 @@ import pytest
 
 from sensing.live.core.config import EndcapConfig
 from sensing.live.core.gate import DISTURBED
+from sensing.live.core.state import Condition, State
 from sensing.records import DotTracks, Wrench
 from sensing.weighing import session
 from sensing.weighing.at_rest import Rest, RestWatch, _rest, _Row, _still
@@ -77,6 +78,20 @@ def reading(number: int, force_n: float, flags=frozenset(), disturbed: int = 0, 
     wrench = Wrench(number / 30, np.array([0.0, 0.0, -force_n]), np.zeros(3), "endcap", 0.01 * np.eye(6), flags)
     contact = SimpleNamespace(touching=force_n >= 0.3)
     return SimpleNamespace(valid=True, estimate=wrench, tracks=tracks, contact=contact, reason="as seen")
+
+
+@pytest.mark.parametrize("state", [State.RUNNING, State.UNPLUGGED])
+def test_a_camera_that_is_unplugged_under_the_load_is_named(monkeypatch, state):
+    """It read "fewer than 5 readings within 1 s: does the camera run?"."""
+    monkeypatch.setattr(session, "REST_S", 0.0)
+    condition = Condition(state, "/dev/video9: no such camera")
+    endcap = SimpleNamespace(
+        health=SimpleNamespace(valid=condition.valid), machine=SimpleNamespace(condition=condition)
+    )
+    with pytest.raises(WeighingError) as refused:
+        session._await(endcap, session.Listener(1.0), RestWatch.pressed, "under the load")
+    said = "; now unplugged: /dev/video9: no such camera"
+    assert str(refused.value).endswith(said) is (state is State.UNPLUGGED)
 
 
 def watched(readings) -> RestWatch:

@@ -15,7 +15,8 @@
     /endcap_N/zero                    std_srvs/Trigger               (:mod:`sensing.live.outputs.ros.zero_service`)
 
 A frame without a valid number (a black picture, say) publishes NaN, as REP 117 has it for measurements that failed:
-a subscriber sees that the sensor lives and that there is no number. Nothing but /diagnostics comes while no frame does.
+a subscriber sees that the sensor lives and that there is no number. While no frame comes (unplugged, silent, no
+reference) /diagnostics comes, and valid says false, twice a second.
 
 ``ros2 topic echo /endcap_0/wrench/wrench_pred`` on any machine of the same ``ROS_DOMAIN_ID`` sees them. Unlike the
 authors' node, stamps are capture times, torques are about the origin of the endcap frame instead of the sphere's
@@ -37,6 +38,7 @@ from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.robot import unplaced
 from sensing.live.core.sink import QueuedSink, reason_of
+from sensing.live.core.state import WITHOUT_FRAMES
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.beat import Beat
@@ -195,8 +197,12 @@ class RosTopics(QueuedSink):
         if writer is None:
             return
         stamp = self._clock.stamp_ns(time.monotonic())
-        cdr = ros.diagnostic_array([diagnosis(health) for health in self._health()], stamp)
+        healths = self._health()
+        cdr = ros.diagnostic_array([diagnosis(health) for health in healths], stamp)
         writer.write(dds.encoded(ros.DIAGNOSTICS, cdr))
+        for health in healths:
+            if health.status in WITHOUT_FRAMES:  # or the last true would stand
+                self._writers[health.endcap]["valid"].write(dds.encoded(ros.BOOL, ros.boolean(False)))
         for endcap, writers in self._writers.items():
             self._looked_at[endcap] = bool(writers[IMAGE_TOPIC].get_matched_subscriptions())
 

@@ -96,6 +96,8 @@ def _answered(asked: _Asked, now_s: float) -> bool:
     if note.startswith(REFUSED):
         return _reply(asked.end, asked.asker, False, note)
     if now_s > asked.until_s:
+        if zero is not None:  # or an unplugged camera would be zeroed when it comes back, whatever it carries then
+            asked.end.pipeline.taker.cancel()
         return _reply(
             asked.end, asked.asker, False, f"{REFUSED}: no reference within {PATIENCE_S:g} s; see /diagnostics"
         )

@@ -29,9 +29,10 @@ from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.arguments import number, silicone_name
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
-from sensing.live.core.endcaps_file import live_command, save_config
+from sensing.live.core.endcaps_file import next_words, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference
+from sensing.live.core.model import other_silicone
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
@@ -94,7 +95,7 @@ def set_up(
             raise FileError(f"{taken}: {why}: move it away, or give --out in another folder")
     require_place(out)
     ask(f"{len(config.endcaps)} camera(s): leave all endcaps untouched, then press Enter ")
-    endcaps, watch = open_endcaps(config, models=models or configured_models(config)), Watch()
+    endcaps, watch = open_endcaps(config, models=models or configured_models(config, any_silicone=True)), Watch()
     warm_up(say)
     with Engine(endcaps, [watch]):
         _await_zeros(endcaps)
@@ -105,7 +106,8 @@ def set_up(
     made = tuple(_measured(endcap, f"endcap_{k}", rest[endcap.name], out, say) for k, endcap in enumerate(order))
     result = replace(config, endcaps=made)
     save_config(result, out)
-    say(f"{out}: written; run {live_command(out)}")
+    trained_for = next(filter(None, (other_silicone(each.pipeline.model, each.pipeline.endcap) for each in order)), "")
+    say(f"{out}: written; {next_words(out, trained_for)}")
     return result
 
 

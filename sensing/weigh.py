@@ -24,6 +24,7 @@ from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models, open_endcaps
+from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import as_trained, film_readings
 from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain, require_poses
@@ -31,7 +32,7 @@ from sensing.weighing.robot import weigh_robot
 from sensing.weighing.session import Ask, Terms, made_pose, weigh_live
 from sensing.weighing.store import gain_entries
 from sensing.weighing.unnoticed import unnoticed
-from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose
+from sensing.weighing.words import PoseRequest, parse_pose
 from sensing.wrench.stiffness import weights_digest
 
 DESCRIPTION = """\

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from cad.plain_numbers import is_plain
+from sensing.tensegrity.description import GRAVITY_M_S2
 
 # Grams in a unit of mass.
 GRAMS = {
@@ -26,7 +27,6 @@ NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "lbf": 4.4482216}  # indepen
 LEAST_G, MOST_G = 20.0, 6000.0  # range of a kitchen scale; 60 N
 MOST_TILT_DEG = 60.0  # largest tilt of a pose
 SCALE_SD_G, SCALE_SD_PART = 2.0, 0.005  # E: a kitchen scale of 1 g steps, and local gravity
-GRAVITY_M_S2 = 9.80665  # standard gravity, ISO 80000-3
 _WEIGHT = re.compile(r"\s*([0-9.]+)\s*([A-Za-z]*)\s*")  # a number and its unit
 # Form of a pose, for messages.
 FORM = "give tilt=DEG,grams=NUMBER and, where needed, azimuth=DEG, sd=GRAMS, source=FILE"

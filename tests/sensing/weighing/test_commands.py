@@ -75,6 +75,17 @@ def test_endcaps_whose_places_in_the_robot_are_not_stated_are_named(standing, ca
 
 
 @pytest.mark.parametrize(
+    ("words", "option"),
+    [(["--endcap", "endcap_1"], "endcap"), (["--tilt", "5"], "tilt"), (["--gravity", "9.8"], "gr")],
+)
+def test_options_of_one_endcap_do_not_weigh_a_whole_robot(standing, capsys, words, option):
+    """--endcap was ignored: the gains of all endcaps changed."""
+    assert weighed(standing, *words) == 2 and (standing / "endcaps.toml").read_text() == ROBOT
+    error = capsys.readouterr().err
+    assert f"--{option}" in error and "has no effect with --postures" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("row", "said"),
     [
         ("x.mcap,0,0,2", "vertical of length 1"), ("x.mcap,0,up,1", "vertical of length 1"), ("x.mcap,0", "length 1"),

@@ -13,7 +13,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, show
 from sensing.arguments import number
@@ -145,7 +145,7 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
 
 
 def _say(text: str) -> str:
-    show(text)
+    show(printable(text))
     return ""
 
 

@@ -18,6 +18,8 @@ import numpy as np
 
 from cad.errors import EndcapError, ParameterError
 from cad.messages import transient
+from sensing.calibration.command_for import zero_command
+from sensing.live.core.config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference
 from sensing.live.core.reading import EndcapReading
@@ -128,14 +130,14 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
     ask(f"{endcap.name}: leave it untouched, at the attitude in which it will be loaded, then press Enter ")
     with Engine([endcap], [listener]):
         _await_reference(endcap)
-        return _Guide(listener, terms, ask, say).poses()
+        return _Guide(listener, terms, ask, say, _again(endcap.pipeline.endcap)).poses()
 
 
 class _Guide:
     """The questions of a session, from the untouched endcap to the last weight."""
 
-    def __init__(self, listener: Listener, terms: Terms, ask: Ask, say: Ask) -> None:
-        self._listener, self._terms, self._ask, self._say = listener, terms, ask, say
+    def __init__(self, listener: Listener, terms: Terms, ask: Ask, say: Ask, again: str) -> None:
+        self._listener, self._terms, self._ask, self._say, self._again = listener, terms, ask, say, again
         self._poses: list[Pose] = []
 
     def poses(self) -> list[Pose]:
@@ -161,7 +163,7 @@ class _Guide:
 
     def _rest(self) -> None:
         """Measure the untouched endcap."""
-        self._untouched = _await(self._listener, RestWatch.untouched, "untouched")
+        self._untouched = _await(self._listener, lambda watch: watch.untouched(self._again), "untouched")
         self._untouched_s = time.monotonic()
         left_n = np.linalg.norm(self._untouched.wrench[:3])
         self._say(f"  untouched: {left_n:.2f} N, no contact; taken out of what follows")
@@ -224,6 +226,13 @@ def made_pose(request: PoseRequest, rest: Rest, gravity_m_s2: float) -> Pose:
     return Pose(
         request.name, request.load_n(gravity_m_s2), request.load_sd_n(gravity_m_s2), rest.wrench[:3], covariance
     )
+
+
+def _again(endcap: EndcapConfig) -> str:
+    """How an endcap is zeroed again: by itself at the next start, or with a command that replaces its file."""
+    if endcap.zero is None:
+        return "start again"
+    return zero_command(endcap.params, endcap.source, endcap.name, endcap.zero)
 
 
 def _await_reference(endcap: LiveEndcap) -> None:

@@ -215,3 +215,15 @@ def test_a_camera_file_of_another_size_than_a_film_is_one_line(tmp_path, monkeyp
     assert run(["--config", str(tmp_path / "e.toml"), *words]) == 2
     error = capsys.readouterr().err
     assert "a camera of 1280x960 px, the pictures have 640x480" in error and error.count("\n") == 1
+
+
+def test_the_password_of_a_camera_is_not_shown_while_it_is_weighed(tmp_path, monkeypatch, capsys):
+    def stopped(*_, **__):
+        raise EOFError
+
+    monkeypatch.setattr("sensing.weigh.warm_up", lambda _: None)
+    monkeypatch.setattr("sensing.weigh.open_endcaps", stopped)
+    (tmp_path / "e.toml").write_text('[[endcap]]\nname = "a"\nsource = "http://bob:secret@10.0.0.7/"\n')
+    assert weigh.main(["--config", str(tmp_path / "e.toml")]) == 130
+    out, err = capsys.readouterr()
+    assert "http://***@10.0.0.7/" in out and "secret" not in out + err

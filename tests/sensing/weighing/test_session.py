@@ -1,16 +1,18 @@
 """The guide of ``sensing.weigh`` when its user errs: no refusal ends it, and a wrong weight can be taken out."""
 
 import contextlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cad.errors import ParameterError
+from sensing.live.core.config import EndcapConfig
 from sensing.records import Wrench
 from sensing.weighing import session
 from sensing.weighing.at_rest import Rest, RestWatch
-from sensing.weighing.gain import fit_gain
+from sensing.weighing.gain import WeighingError, fit_gain
 from sensing.weighing.words import GRAVITY_M_S2, PoseRequest
 
 GAIN = 0.73
@@ -38,7 +40,8 @@ class Bench:
         return word
 
     def weigh(self):
-        endcap = SimpleNamespace(name="a", pipeline=SimpleNamespace(model=SimpleNamespace(load_scale=1.0)))
+        pipeline = SimpleNamespace(model=SimpleNamespace(load_scale=1.0), endcap=EndcapConfig("a", "0"))
+        endcap = SimpleNamespace(name="a", pipeline=pipeline)
         terms = session.Terms(0.0, 0.0, 0.0, GRAVITY_M_S2)
         return session.weigh_live(endcap, terms, self.ask, lambda text: self.said.append(text) or "")
 
@@ -111,6 +114,35 @@ def test_nothing_is_kept_while_the_user_is_away():
     assert listener.ask(RestWatch.untouched).readings == 31
     listener.end()
     assert listener.newest()[0] != listener.newest()[0]
+
+
+def test_an_endcap_that_is_not_untouched_names_the_command_that_zeroes_it(monkeypatch, capsys):
+    """The advice was sensing.setup, which refuses where endcaps.toml is: gain and relaxation would have to go."""
+    listener = session.Listener(1.0)
+    monkeypatch.setattr(session, "REST_S", 0.0)
+    monkeypatch.setattr(session, "POLL_S", 0.0)
+
+    def pressed():
+        for number in range(40):
+            wrench = Wrench(
+                number / 30, np.array([0.0, 0.2, 0.0]), np.zeros(3), "endcap", np.eye(6), frozenset({"moved"})
+            )
+            yield SimpleNamespace(
+                valid=True, estimate=wrench, tracks=None, contact=SimpleNamespace(touching=True), reason=""
+            )
+
+    monkeypatch.setattr(listener, "end", lambda: None)
+    begin = listener.begin
+    monkeypatch.setattr(listener, "begin", lambda: (begin(), [listener.put(each) for each in pressed()]))
+    endcap = EndcapConfig("a", "http://bob:secret@10.0.0.7/", Path("a.npz"), 142.0, 9.6)
+    with pytest.raises(WeighingError) as refused:
+        session._Guide(listener, None, None, print, session._again(endcap)).poses()
+    said = str(refused.value)
+    assert "0.20 N (moved) while it should be untouched" in said and "secret" not in said
+    assert said.endswith(
+        "sensing.zero take --source http://***@10.0.0.7/ --sensor a --diameter 142 --wall 9.6 --out a.npz"
+    )
+    assert session._again(EndcapConfig("a", "0")) == "start again"
 
 
 @pytest.mark.parametrize(("terms", "said"), [((95.0, 0.0, 0.0), "tilt_deg=95"), ((0.0, 0.0, -1.0), "sd_g=-1")])

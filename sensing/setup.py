@@ -61,9 +61,8 @@ class Watch:
 
     def put(self, reading: EndcapReading) -> None:
         """Keep one, if its numbers count."""
-        if not reading.valid:
-            return
-        self.forces_n.setdefault(reading.endcap, []).append(np.array(reading.wrench.force_n))
+        if reading.valid:
+            self.forces_n.setdefault(reading.endcap, []).append(np.array(reading.wrench.force_n))
 
     def largest_n(self, endcap: str, since: int = 0) -> float:
         """Largest force norm of an endcap after so many readings; 0 before any."""
@@ -98,7 +97,7 @@ def set_up(
     endcaps, watch = open_endcaps(config, models=models or configured_models(config, any_silicone=True)), Watch()
     warm_up(say)
     with Engine(endcaps, [watch]):
-        _await_zeros(endcaps)
+        _await_zeros(endcaps, say)
         say("zeroed; measuring the rest, leave them untouched")
         rest = _watch_rest(endcaps, watch)
         order = _name_by_touch(endcaps, watch, rest, ask, say)
@@ -111,11 +110,13 @@ def set_up(
     return result
 
 
-def _await_zeros(endcaps: Sequence[LiveEndcap]) -> None:
+def _await_zeros(endcaps: Sequence[LiveEndcap], say: Ask) -> None:
     for endcap in endcaps:
         why = without_reference(endcap)
         if why:
             raise ParameterError(f"{endcap.pipeline.endcap.source}: {why}", name="source")
+        if (check := endcap.pipeline.check) and check.doubt:
+            say(f"{endcap.pipeline.endcap.source}: warning: every reading will be flagged: {check.doubt}")
 
 
 def _watch_rest(endcaps: Sequence[LiveEndcap], watch: Watch) -> dict[str, list[np.ndarray]]:
@@ -220,7 +221,8 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
 
 def _camera_kept(endcap: LiveEndcap, path: Path, say: Ask) -> Path | None:
     """File of the camera that the reference shows, where that is not the nominal one; one that is there stays."""
-    rest = endcap.pipeline.rest_camera
+    check = endcap.pipeline.check
+    rest = None if check is None else check.rest
     if rest is None or not rest.found or rest.camera is None:
         return endcap.pipeline.endcap.camera
     if path.exists():
@@ -244,9 +246,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for index, name in list_devices():
             if not options.url and str(index) in numbers:
                 show(f"camera {index}: {name}, {lasting_name(index)}")
-        set_up(
-            LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
-        )
+        config = LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight)
+        set_up(config, options.out)
     except EndcapError as error:
         LOG.error(f"sensing.setup: {error}")
         return 2

@@ -26,7 +26,6 @@ from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, reduce_pauses, run_until_stopped
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import known_methods
-from sensing.wrench.relaxation import rate_words
 from sensing.wrench.weight_files import command_for
 
 if TYPE_CHECKING:
@@ -93,8 +92,8 @@ def _run(options: argparse.Namespace) -> int:
         for endcap in config.endcaps:
             if endcap.weighed:
                 lines.write(f"{endcap.name}: {endcap.weighed}\n")
-            if endcap.relaxation:
-                lines.write(f"{endcap.name}: rate effects {rate_words(endcap.relaxation_terms)}\n")
+            if endcap.rate_effects:
+                lines.write(f"{endcap.name}: rate effects {endcap.rate_effects}\n")
         reduce_pauses()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]

@@ -9,7 +9,6 @@ import numpy as np
 
 from sensing.live.core.reading import EndcapReading, nothing, plain, rounded
 from sensing.live.core.stats import EndcapHealth
-from sensing.wrench.relaxation import rate_words
 
 if TYPE_CHECKING:
     from sensing.live.outputs.recording import Recording
@@ -28,7 +27,7 @@ def hello(run: LiveRun) -> dict[str, Any]:
             "centre_mm": endcap.params.centre_height_mm,
             "T_robot_endcap": endcap.T_robot_endcap.tolist(),
             "weighed": endcap.weighed,
-            "rate_effects": rate_words(endcap.relaxation_terms),
+            "rate_effects": endcap.rate_effects,
             "diameter_mm": endcap.diameter_mm,
             "wall_mm": endcap.wall_mm,
             "silicone": endcap.silicone,

@@ -23,13 +23,13 @@ class Bench:
     """A user and the endcap: each answer is a word, and under ``(word, grams)`` so many grams stand on the dome."""
 
     def __init__(self, monkeypatch, *answers):
-        self.answers, self.asked, self.said, self.grams, self.rests = iter(answers), [], [], 0.0, 0
+        self.answers, self.asked, self.said, self.grams, self.zeroed = iter(answers), [], [], 0.0, 0
         monkeypatch.setattr(session, "Engine", lambda *_: contextlib.nullcontext())
         monkeypatch.setattr(session, "_await_reference", lambda _: None)
         monkeypatch.setattr(session, "_await", self.rest)
 
     def rest(self, _, __, where):
-        self.rests += where == UNTOUCHED
+        self.zeroed += where == UNTOUCHED
         force_n = PoseRequest(self.grams).load_n() / GAIN if self.grams else np.zeros(3)
         return Rest(np.concatenate([force_n, np.zeros(3)]), 0.05**2 * np.eye(6), 0.0, 30)
 
@@ -92,7 +92,7 @@ def test_after_a_break_the_untouched_endcap_is_measured_again(monkeypatch):
     clock = iter([0.0, 60.0, 7200.0, 7210.0])  # at rest; first weight; second; at rest again
     monkeypatch.setattr(session, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     bench = Bench(monkeypatch, "", "500", ("", 500), "1000", "", ("", 1000), "")
-    assert names(bench.weigh()) == ["500 g", "1000 g"] and bench.rests == 2
+    assert names(bench.weigh()) == ["500 g", "1000 g"] and bench.zeroed == 2
     assert "untouched 120 minutes ago: take everything off" in bench.asked[4]
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, show
+from cad.whole_file import require_place
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.config_entries import change_entries
@@ -68,6 +69,8 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
 
 def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     endcap = chosen_endcap(config, options.endcap)
+    if not options.dry_run:
+        require_place(options.config)
     terms = Terms(options.tilt, options.azimuth, options.scale_sd, options.gravity)
     requests = [
         parse_pose(text, terms.gravity_m_s2, terms.tilt_deg, terms.azimuth_deg, terms.sd_g) for text in options.pose

@@ -236,9 +236,11 @@ def _again(endcap: EndcapConfig) -> str:
 
 
 def _await_reference(endcap: LiveEndcap) -> None:
-    why = without_reference(endcap)
+    why, check = without_reference(endcap), endcap.pipeline.check
     if why:
         raise WeighingError(f"{endcap.name}: {why}")
+    if check is not None and check.doubt:
+        raise WeighingError(f"{endcap.name}: no weight would count, every reading is flagged: {check.doubt}")
 
 
 def _await(listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:

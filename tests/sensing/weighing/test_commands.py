@@ -217,6 +217,17 @@ def test_a_camera_file_of_another_size_than_a_film_is_one_line(tmp_path, monkeyp
     assert "a camera of 1280x960 px, the pictures have 640x480" in error and error.count("\n") == 1
 
 
+def test_a_gain_that_could_not_be_stored_is_not_asked_for(tmp_path, monkeypatch, capsys):
+    def full(path):
+        raise FileError(f"{path}: No space left on device")
+
+    monkeypatch.setattr("sensing.weigh.require_place", full)
+    monkeypatch.setattr("sensing.weigh.warm_up", lambda _: pytest.fail("went on"))
+    (tmp_path / "e.toml").write_text('[[endcap]]\nname = "a"\nsource = "0"\n')
+    assert weigh.main(["--config", str(tmp_path / "e.toml")], pytest.fail) == 2
+    assert "No space left" in capsys.readouterr().err
+
+
 def test_the_password_of_a_camera_is_not_shown_while_it_is_weighed(tmp_path, monkeypatch, capsys):
     def stopped(*_, **__):
         raise EOFError

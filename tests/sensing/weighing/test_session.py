@@ -116,6 +116,15 @@ def test_nothing_is_kept_while_the_user_is_away():
     assert listener.newest()[0] != listener.newest()[0]
 
 
+def test_a_reference_with_which_no_weight_would_count_is_named_before_the_first_weight():
+    check = SimpleNamespace(doubt="74 of the 91 dots are in the rest picture")
+    endcap = SimpleNamespace(name="a", pipeline=SimpleNamespace(zero="", check=check))
+    with pytest.raises(WeighingError, match="a: no weight would count, every reading is flagged: 74 of the 91 dots"):
+        session._await_reference(endcap)
+    check.doubt = ""
+    session._await_reference(endcap)
+
+
 def test_an_endcap_that_is_not_untouched_names_the_command_that_zeroes_it(monkeypatch, capsys):
     """The advice was sensing.setup, which refuses where endcaps.toml is: gain and relaxation would have to go."""
     listener = session.Listener(1.0)

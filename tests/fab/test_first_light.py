@@ -204,3 +204,4 @@ def test_the_weights_that_correct_the_forces_are_those_of_this_endcaps_range(siz
 def test_the_last_command_of_the_sheet_corrects_the_forces():
     text, _ = sheet()
     assert text.endswith("-m sensing.weigh --config endcaps.toml") and weights_g(PARAMS, "Smooth-Sil 950") in text
+    assert "one near each end of that range" in text  # alike, they are refused

@@ -31,8 +31,8 @@ from sensing.learning.symmetry import disc_cells
 from sensing.simulator.scene import SceneState
 from sensing.simulator.similarity.labelled import shell_of
 from sensing.simulator.similarity.ratios import about
+from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.weighing.gain import Pose, fit_gain
-from sensing.weighing.words import GRAVITY_M_S2
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.range import NORMAL_95
 

@@ -24,8 +24,8 @@ from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.simulator.press.press import Target
+from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.tracking.zero import single_zero
-from sensing.weighing.words import GRAVITY_M_S2
 
 HERE = Path(__file__).parent
 OUT = HERE.parent / "exports" / "bench"

@@ -64,7 +64,9 @@ def _identify(options: argparse.Namespace) -> None:
     endcap = chosen_endcap(config, options.endcap)
     require_even(options.source)
     warm_up(lambda text: LOG.info(text))
-    gain, model = Stiffness(endcap.gain, 0.0), configured_models(config, any_silicone=True)(endcap)
+    # The gain of a weighed endcap belongs to the weights that it was weighed with, which others would not match.
+    models = configured_models(config, any_silicone=not endcap.weighed)
+    gain, model = Stiffness(endcap.gain, 0.0), models(endcap)
     rows = []
     flagged: list[tuple[frozenset[str], str]] = []
     for reading in film_readings(endcap, options.source, model):

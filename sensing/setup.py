@@ -29,9 +29,10 @@ from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.arguments import number, silicone_name
 from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
-from sensing.live.core.endcaps_file import live_command, save_config
+from sensing.live.core.endcaps_file import next_words, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference
+from sensing.live.core.model import other_silicone
 from sensing.live.core.setup_watch import SetupWatch, start_again
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
@@ -76,10 +77,11 @@ def set_up(
             raise FileError(f"{taken}: {why}: move it away, or give --out in another folder")
     require_place(out)
     ask(f"{len(config.endcaps)} camera(s): leave all endcaps untouched, then press Enter ")
-    endcaps, watch = open_endcaps(config, models=models or configured_models(config)), SetupWatch()
+    opened = models or configured_models(config, any_silicone=True)
+    endcaps, watch = open_endcaps(config, models=opened), SetupWatch()
     warm_up(say)
     with Engine(endcaps, [watch]):
-        _await_zeros(endcaps)
+        _await_zeros(endcaps, say)
         say("zeroed; measuring the rest, leave them untouched")
         rest = _watch_rest(endcaps, watch, say)
         order = _name_by_touch(endcaps, watch, rest, ask, say)
@@ -87,15 +89,18 @@ def set_up(
     made = tuple(_measured(endcap, f"endcap_{k}", rest[endcap.name], out, say) for k, endcap in enumerate(order))
     result = replace(config, endcaps=made)
     save_config(result, out)
-    say(f"{out}: written; run {live_command(out)}")
+    trained_for = next(filter(None, (other_silicone(each.pipeline.model, each.pipeline.endcap) for each in order)), "")
+    say(f"{out}: written; {next_words(out, trained_for)}")
     return result
 
 
-def _await_zeros(endcaps: Sequence[LiveEndcap]) -> None:
+def _await_zeros(endcaps: Sequence[LiveEndcap], say: Ask) -> None:
     for endcap in endcaps:
         why = without_reference(endcap)
         if why:
             raise ParameterError(f"{endcap.pipeline.endcap.source}: {why}", name="source")
+        if (check := endcap.pipeline.check) and check.doubt:
+            say(f"{endcap.pipeline.endcap.source}: warning: every reading will be flagged: {check.doubt}")
 
 
 def _watch_rest(endcaps: Sequence[LiveEndcap], watch: SetupWatch, say: Ask) -> dict[str, list[np.ndarray]]:
@@ -213,7 +218,8 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
 
 def _camera_kept(endcap: LiveEndcap, path: Path, say: Ask) -> Path | None:
     """File of the camera that the reference shows, where that is not the nominal one; one that is there stays."""
-    rest = endcap.pipeline.rest_camera
+    check = endcap.pipeline.check
+    rest = None if check is None else check.rest
     if rest is None or not rest.found or rest.camera is None:
         return endcap.pipeline.endcap.camera
     if path.exists():
@@ -237,9 +243,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for index, name in list_devices():
             if not options.url and str(index) in numbers:
                 show(f"camera {index}: {name}, {lasting_name(index)}")
-        set_up(
-            LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight), options.out
-        )
+        config = LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight)
+        set_up(config, options.out)
     except EndcapError as error:
         LOG.error(f"sensing.setup: {error}")
         return 2

@@ -13,9 +13,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import EndcapError, ParameterError, printable
 from cad.extras import program
 from cad.messages import LOG, show
+from cad.whole_file import require_place
 from sensing.arguments import number
 from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
 from sensing.live.core.config_entries import change_entries
@@ -24,6 +25,7 @@ from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.live.open_endcaps import configured_models, open_endcaps
+from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import as_trained, film_readings
 from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain, require_poses
@@ -31,7 +33,7 @@ from sensing.weighing.robot import weigh_robot
 from sensing.weighing.session import Ask, Terms, made_pose, weigh_live
 from sensing.weighing.store import gain_entries
 from sensing.weighing.unnoticed import unnoticed
-from sensing.weighing.words import GRAVITY_M_S2, PoseRequest, parse_pose
+from sensing.weighing.words import PoseRequest, parse_pose
 from sensing.wrench.stiffness import weights_digest
 
 DESCRIPTION = """\
@@ -52,6 +54,7 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
     try:
         config = load_config(options.config)
         if options.postures is not None:
+            _require_of_postures(options)
             weigh_robot(config, options.config, options.postures, options.dry_run, _say)
         else:
             _weigh(config, options, ask)
@@ -66,8 +69,12 @@ def main(arguments: Sequence[str] | None = None, ask: Ask = input) -> int:
 
 def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     endcap = chosen_endcap(config, options.endcap)
+    if not options.dry_run:
+        require_place(options.config)
     terms = Terms(options.tilt, options.azimuth, options.scale_sd, options.gravity)
-    requests = [parse_pose(text, terms.gravity_m_s2) for text in options.pose]
+    requests = [
+        parse_pose(text, terms.gravity_m_s2, terms.tilt_deg, terms.azimuth_deg, terms.sd_g) for text in options.pose
+    ]
     if requests and len(requests) < 2:
         raise WeighingError("1 pose: at least 2 needed, or a wrong weight could not be noticed; add another --pose")
     model = configured_models(config, any_silicone=True)(endcap)
@@ -90,6 +97,17 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     if not options.dry_run:
         change_entries(options.config, {endcap.name: gain_entries(endcap, found.gain, found.sd, digest)})
         _say(f"{options.config}: stored for {endcap.name}; {live_command(options.config)} uses it")
+
+
+def _require_of_postures(options: argparse.Namespace) -> None:
+    """Refuse options that a weighing of a whole robot would ignore: all its endcaps get a gain from its weight in N."""
+    usual = _parser().parse_args([])
+    for name in ("endcap", "tilt", "azimuth", "scale_sd", "gravity"):
+        if getattr(options, name) != getattr(usual, name):
+            option = f"--{name.replace('_', '-')}"
+            fix = "it weighs every endcap that carries load" if name == "endcap" else "its table has the verticals"
+            fix = "weight_n is in N" if name in ("scale_sd", "gravity") else fix
+            raise ParameterError(f"{option} has no effect with --postures: {fix}; leave it out", name=name)
 
 
 def _from_file(endcap: EndcapConfig, request: PoseRequest, model: LiveModel, terms: Terms) -> Pose:
@@ -130,7 +148,7 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
 
 
 def _say(text: str) -> str:
-    show(text)
+    show(printable(text))
     return ""
 
 
@@ -147,13 +165,13 @@ def _parser() -> argparse.ArgumentParser:
     how.add_argument(
         "--pose", action="append", default=[], metavar="tilt=DEG,grams=N,source=FILE",
         help="instead of the guide: a weight and its recording, video or folder of pictures (the first one untouched); "
-        "twice or more; also azimuth=DEG (as --azimuth), sd=GRAMS",
+        "twice or more; also azimuth=DEG, sd=GRAMS; what it leaves out is as --tilt, --azimuth and --scale-sd say",
     )  # fmt: skip
     how.add_argument(
         "--postures", type=Path, metavar="FILE.csv",
         help="a robot's own weight: columns recording, up_x, up_y, up_z (vertical in the robot frame)",
     )  # fmt: skip
-    parser.add_argument("--tilt", type=number, default=0.0, metavar="DEG", help="of the endcap, guided (0: level)")
+    parser.add_argument("--tilt", type=number, default=0.0, metavar="DEG", help="of the endcap (0: level)")
     parser.add_argument(
         "--azimuth", type=number, default=0.0, metavar="DEG",
         help="of the vertical in the endcap frame, from x to y: upward with the dome up, downward with the dome down; "

@@ -59,7 +59,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
     "live.demo": {"live.core", "sources", "simulator"},  # the simulated robot; nothing else of live knows the simulator
     "live": {"live.core", "live.outputs", "live.web", "live.demo", "camera", "sources", "tracking", "wrench"},
     "robot.node": {"live", "live.core", "live.outputs", "live.web", "robot", "robot.demo", "tensegrity"},  # it runs
-    "weighing": {"live", "live.core", "sources", "wrench"},  # known loads through the live pipeline
+    "weighing": {"calibration", "live", "live.core", "sources", "tensegrity", "wrench"},  # known loads, live pipeline
     "evaluation": {
         "calibration",
         "camera",
@@ -80,6 +80,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
         "recording",
         "robot.node",
         "sources",
+        "tensegrity",
         "tracking",
         "weighing",
         "wrench",

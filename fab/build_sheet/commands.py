@@ -22,6 +22,7 @@ RELEASED = EndcapParams(130.0, 8.0)
 RELEASED_LOAD_N = 35.0  # P, NET22: largest set-point of the released data; of other endcaps as their forces scale
 WEIGHED_PARTS = 0.15, 0.7  # of that range: what sensing.weigh takes best
 LEAST_G, MOST_G = 20.0, 6000.0  # that it takes at all
+LEAST_RATIO = 2.0  # E: of the heaviest over the lightest; sensing.weigh refuses weights that are nearly equal
 GRAVITY_M_S2 = 9.80665  # standard gravity, ISO 80000-3
 
 
@@ -94,4 +95,4 @@ def weights_g(params: EndcapParams, silicone_name: str) -> str:
     least_g, most_g = (
         min(max(float(f"{1000 * part * range_n / GRAVITY_M_S2:.2g}"), LEAST_G), MOST_G) for part in WEIGHED_PARTS
     )
-    return f"{least_g:.0f} to {most_g:.0f} g"
+    return f"{min(least_g, most_g / LEAST_RATIO):.0f} to {most_g:.0f} g"

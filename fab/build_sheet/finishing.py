@@ -289,9 +289,9 @@ def _weighing(weights: str) -> list[Block]:
     return [
         Paragraph(
             "Silicone differs from batch to batch, and no picture shows how stiff yours is. Correct the forces with "
-            f"two known weights of {weights}. Stand the endcap upright on a level table, with nothing on it. Each "
-            "weight presses on the dome through a flat plate; put weight and plate on a scale together. The command "
-            "asks for one after the other:"
+            f"two known weights of {weights}, one near each end of that range. Stand the endcap upright on a level "
+            "table, with nothing on it. Each weight presses on the dome through a flat plate; put weight and plate on "
+            "a scale together. The command asks for one after the other:"
         ),
         Paragraph(f"{camera_setting()}{INTERPRETER} -m sensing.weigh --config endcaps.toml"),
     ]

@@ -1,4 +1,4 @@
-"""The command that makes a camera file, as other programs print it: whole, quoted, ready to be pasted."""
+"""Commands that make a camera file or a reference, as other programs print them: whole, quoted, ready to be pasted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,24 @@ def calibrate_command(params: EndcapParams, out: Path | str, zero: Path | None =
         trusted: the design is kept where another one fits better.
     """
     picture = ("--photo", "PICTURE") if zero is None else ("--zero", str(zero))
-    words = design_words(params)
-    design = () if words == RELEASED else words
     trust = ("--trust-design",) if trusted else ()
-    return typed_command("sensing.calibrate", *picture, *design, *trust, "--out", str(out))
+    return typed_command("sensing.calibrate", *picture, *_design(params), *trust, "--out", str(out))
+
+
+def zero_command(params: EndcapParams, source: str, sensor: str, out: Path) -> str:
+    """``python -m sensing.zero take ...``, likewise.
+
+    Args:
+        params: the design.
+        source: camera number or address; whoever prints it takes a password out.
+        sensor: name of the endcap.
+        out: reference file, which it replaces.
+    """
+    return typed_command(
+        "sensing.zero", "take", "--source", source, "--sensor", sensor, *_design(params), "--out", str(out)
+    )
+
+
+def _design(params: EndcapParams) -> tuple[str, ...]:
+    words = design_words(params)
+    return () if words == RELEASED else words

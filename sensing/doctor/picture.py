@@ -1,4 +1,4 @@
-"""Findings in the picture of an untouched endcap: light, focus, size of the dots, and missing dots.
+"""Findings in the picture of an untouched endcap: its size, light, focus, size of the dots, and missing dots.
 
 Limits are estimates (E) set on rendered pictures of the released sensor with planted faults
 (tests/sensing/doctor/test_doctor.py has them); the four released photos pass. Pixels at 480 rows, gray values 0 to 255.
@@ -25,7 +25,7 @@ from sensing.calibration.dots import (
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
-from sensing.calibration.rest_picture import seen_dots
+from sensing.calibration.rest_picture import LEAST_ROWS, seen_dots
 from sensing.camera.dot_look import dot_look
 from sensing.camera.light import DARK_GRAY, Light, light_of
 from sensing.camera.nominal import nominal_mount
@@ -53,13 +53,25 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
         params: its design.
     """
     gray = image_bgr[..., :2].astype(np.float64).mean(-1)  # blue and green, as the dots are found
-    exposure = _exposure(light_of(gray))
-    light = [exposure] if exposure.verdict is Verdict.BAD else [exposure, _evenness(gray)]
+    exposure, size = _exposure(light_of(gray)), _size(gray.shape)
+    light = [size, exposure] if exposure.verdict is Verdict.BAD else [size, exposure, _evenness(gray)]
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
         return [*light, _no_dots(len(centres), params)]
-    dots = [_focus(gray, centres, radii, dot_look(params).scale), _dot_size(radii, centres, params, gray.shape)]
-    return [*light, *dots, *_pattern(centres, params, gray.shape)]
+    dots = [_dot_size(radii, centres, params, gray.shape), *_pattern(centres, params, gray.shape)]
+    if size.verdict is not Verdict.BAD:  # else rims are as wide as its pixels, and a lens that is sharp would be turned
+        dots.insert(0, _focus(gray, centres, radii, dot_look(params).scale))
+    return [*light, *dots]
+
+
+def _size(shape: tuple[int, ...]) -> Finding:
+    """Rows of the short side: live flags every reading of a picture that has too few."""
+    rows = min(shape[:2])
+    return finding(
+        "size", Verdict.GOOD if rows >= LEAST_ROWS else Verdict.BAD,
+        f"{shape[1]} x {shape[0]} px, at least {LEAST_ROWS} rows are needed",
+        "choose a larger mode of the camera: of so few rows forces are wrong", {"rows": float(rows)},
+    )  # fmt: skip
 
 
 def _exposure(light: Light) -> Finding:

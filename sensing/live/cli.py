@@ -92,6 +92,8 @@ def _run(options: argparse.Namespace) -> int:
         for endcap in config.endcaps:
             if endcap.weighed:
                 lines.write(f"{endcap.name}: {endcap.weighed}\n")
+            if endcap.rate_effects:
+                lines.write(f"{endcap.name}: rate effects {endcap.rate_effects}\n")
         reduce_pauses()
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]

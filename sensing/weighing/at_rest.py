@@ -129,8 +129,11 @@ class RestWatch:
         rest = _rest(rows)
         return float(np.linalg.norm(rest.wrench[:3])), rest.moved_n
 
-    def untouched(self) -> Rest:
+    def untouched(self, again: str = "start again") -> Rest:
         """The newest interval, which must be without load.
+
+        Args:
+            again: how the endcap is zeroed again, in words or as a command.
 
         Raises:
             WeighingError: the endcap carries a load, or no interval is at rest.
@@ -139,9 +142,10 @@ class RestWatch:
         if not rows:
             raise WeighingError(self._nothing())
         if any(row.touching for row in rows):
+            flags = ", ".join(sorted(rows[-1].flags))
             raise WeighingError(
-                f"{np.linalg.norm(rows[-1].wrench[:3]):.1f} N while it should be untouched: let it go, or zero it "
-                "again (python -m sensing.setup, or python -m sensing.zero take)"
+                f"{np.linalg.norm(rows[-1].wrench[:3]):#.2g} N{flags and f' ({flags})'} while it should be untouched: "
+                f"let it go; or, if nothing touches it, zero it again: {again}"
             )
         return _rest(rows)
 

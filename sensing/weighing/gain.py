@@ -46,6 +46,18 @@ class WeighingError(EndcapError):
     """A weighing that cannot be used: too few poses, a missing load, weights that contradict one another."""
 
 
+class ContradictionError(WeighingError):
+    """Weights that contradict one another.
+
+    Attributes:
+        worst: number of the pose without which the others agree; None where no one of them is such.
+    """
+
+    def __init__(self, text: str, worst: int | None) -> None:
+        super().__init__(text)
+        self.worst = worst
+
+
 @dataclass(frozen=True)
 class Pose:
     """One known load.
@@ -114,16 +126,26 @@ def fit_gain(poses: Sequence[Pose]) -> Gain:
     require_poses(poses)
     for pose in poses:
         require_unit(pose)
+    return agreed_gain(poses)
+
+
+def agreed_gain(poses: Sequence[Pose]) -> Gain:
+    """The same of two poses or more whose loads and units nobody checks: equal loads can agree, too.
+
+    Raises:
+        ContradictionError: a weight contradicts the others.
+        WeighingError: the forces lean.
+    """
     found = _fitted(poses)
     if found.chi_square > found.limit:
         beyond = f"(chi-square {found.chi_square:.0f}, at most {found.limit:.0f})"
         turned = _fitted([replace(p, load_n=p.weight_n * p.force_n / np.linalg.norm(p.force_n)) for p in poses])
         if turned.chi_square < found.chi_square / 2:  # most of it lies across the loads
             raise WeighingError(_leaning(poses, turned.gain, beyond))
-        raise WeighingError(_contradiction(poses, beyond))
+        raise _contradiction(poses, beyond)
     if found.along > found.limit_along:
         beyond = f"(chi-square along the loads {found.along:.0f}, at most {found.limit_along:.0f})"
-        raise WeighingError(_contradiction(poses, beyond))
+        raise _contradiction(poses, beyond)
     return found
 
 
@@ -247,17 +269,21 @@ def _angle_deg(one: Array, other: Array) -> float:
     return math.degrees(math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other)))
 
 
-def _contradiction(poses: Sequence[Pose], beyond: str) -> str:
-    """Text that names the pose without which the others agree best; of two, both."""
+def _contradiction(poses: Sequence[Pose], beyond: str) -> ContradictionError:
+    """Names the pose without which the others agree best; of two, both."""
     head = f"the weights contradict one another {beyond}"
-    single = {pose.name: pose_gain(pose)[0] for pose in poses}
+    single = [pose_gain(pose)[0] for pose in poses]
     if len(poses) == LEAST_POSES:
-        both = " and ".join(f"{name} shows a gain of {gain:.3f}" for name, gain in single.items())
-        return f"{head}: {both}; weigh both again, with a third"
-    rest = [_fitted([p for p in poses if p is not pose]).chi_square for pose in poses]
-    worst = poses[int(np.argmin(rest))].name
-    others = [gain for name, gain in single.items() if name != worst]
-    return (
-        f"{head}: {worst} shows a gain of {single[worst]:.3f}, the others {min(others):.3f} to {max(others):.3f}; "
-        "weigh it again"
+        shown = zip(poses, single, strict=True)
+        both = " and ".join(f"{pose.name} shows a gain of {gain:.3f}" for pose, gain in shown)
+        return ContradictionError(f"{head}: {both}; weigh both again, with a third", None)
+    rest = [_fitted([each for each in poses if each is not pose]) for pose in poses]
+    worst = int(np.argmin([found.chi_square for found in rest]))
+    others = single[:worst] + single[worst + 1 :]
+    left = rest[worst]
+    agree = left.chi_square <= left.limit and left.along <= left.limit_along
+    return ContradictionError(
+        f"{head}: {poses[worst].name} shows a gain of {single[worst]:.3f}, the others {min(others):.3f} to "
+        f"{max(others):.3f}; weigh it again",
+        worst if agree else None,
     )

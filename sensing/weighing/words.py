@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from cad.plain_numbers import is_plain
+from sensing.tensegrity.description import GRAVITY_M_S2
 
 # Grams in a unit of mass.
 GRAMS = {
@@ -26,7 +27,6 @@ NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "lbf": 4.4482216}  # indepen
 LEAST_G, MOST_G = 20.0, 6000.0  # range of a kitchen scale; 60 N
 MOST_TILT_DEG = 60.0  # largest tilt of a pose
 SCALE_SD_G, SCALE_SD_PART = 2.0, 0.005  # E: a kitchen scale of 1 g steps, and local gravity
-GRAVITY_M_S2 = 9.80665  # standard gravity, ISO 80000-3
 _WEIGHT = re.compile(r"\s*([0-9.]+)\s*([A-Za-z]*)\s*")  # a number and its unit
 # Form of a pose, for messages.
 FORM = "give tilt=DEG,grams=NUMBER and, where needed, azimuth=DEG, sd=GRAMS, source=FILE"
@@ -101,12 +101,15 @@ def parse_weight_g(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> float:
     return number * GRAMS[unit]
 
 
-def parse_pose(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> PoseRequest:
+def parse_pose(
+    text: str, gravity_m_s2: float = GRAVITY_M_S2, tilt_deg: float = 0.0, azimuth_deg: float = 0.0, sd_g: float = 0.0
+) -> PoseRequest:
     """Pose of ``tilt=0,grams=1000,azimuth=0,sd=5,source=FILE``; a file's name at the end may contain commas.
 
     Args:
         text: text that the user typed.
         gravity_m_s2: local gravity, m/s2.
+        tilt_deg, azimuth_deg, sd_g: of a pose that does not name its own, degrees and g.
 
     Raises:
         ParameterError: another form, a key twice or unknown, a value out of range.
@@ -120,11 +123,10 @@ def parse_pose(text: str, gravity_m_s2: float = GRAVITY_M_S2) -> PoseRequest:
         values[key] = value
     if "grams" not in values or (mark and not source):
         raise ParameterError(f"--pose {text}: grams or the source's name missing: {FORM}", name="pose", value=text)
-    numbers = {}
-    for key in ("tilt", "azimuth", "sd"):
-        word = values.get(key, "0")
-        if not is_plain(word):
-            raise ParameterError(f"--pose {text}: {key}={word!r} is no number: {FORM}", name="pose", value=text)
-        numbers[key] = float(word)
+    numbers = {"tilt": tilt_deg, "azimuth": azimuth_deg, "sd": sd_g}
+    for key in numbers.keys() & values.keys():
+        if not is_plain(values[key]):
+            raise ParameterError(f"--pose {text}: {key}={values[key]!r} is no number: {FORM}", name="pose", value=text)
+        numbers[key] = float(values[key])
     weight_g = parse_weight_g(values["grams"], gravity_m_s2)
     return PoseRequest(weight_g, numbers["tilt"], numbers["azimuth"], numbers["sd"], source)

@@ -70,6 +70,11 @@ class CameraCheck:
         )
         self._noise = DotNoise(seen, estimator, zero.error_px) if isinstance(estimator, WrenchModel) else None
 
+    @property
+    def doubt(self) -> str:
+        """Why all readings against this reference are flagged, and what to do, one line; empty where they are not."""
+        return "; ".join(filter(None, (self.reason, self.message if FLAG in self.flags else "")))
+
     def widened(self, wrench: Wrench, tracks: DotTracks) -> Wrench:
         """The wrench, about the sphere's centre, with the covariance due to the camera and its noise added."""
         unknown = np.zeros((6, 6)) if self._noise is None else self._noise.covariance(tracks)

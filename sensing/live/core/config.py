@@ -51,7 +51,7 @@ from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 from sensing.frames import Array, rigid
 from sensing.sources.choose import is_camera_number
 from sensing.tracking.methods import METHODS, known_methods
-from sensing.wrench.relaxation import Term
+from sensing.wrench.relaxation import Term, rate_words
 
 SCENE = "scene"  # with a number: an endcap of the simulated robot
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
@@ -196,6 +196,11 @@ class EndcapConfig:
         return tuple(Term(*term) for term in self.relaxation)
 
     @property
+    def rate_effects(self) -> str:
+        """Which of them are corrected, in words; empty where none are."""
+        return rate_words(self.relaxation_terms)
+
+    @property
     def weighed(self) -> str:
         """Result of the calibration by weight, in words; empty without one."""
         if self.gain == 1.0 and self.gain_sd == 0.0:
@@ -280,8 +285,7 @@ def _camera_of(source: str) -> str:
 
 def dots_of(params: EndcapParams) -> dict[str, Any]:
     """Entries of an endcap that describe the dots of its design."""
-    own = params.option_words.get("dots", "")
-    return {"dots": own, "dot_mm": params.dot_mm}
+    return {"dots": params.option_words.get("dots", ""), "dot_mm": params.dot_mm}
 
 
 def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
@@ -291,9 +295,7 @@ def chosen_endcap(config: LiveConfig, name: str | None) -> EndcapConfig:
         ParameterError: no such endcap, or several and no name.
     """
     names = [endcap.name for endcap in config.endcaps]
-    if name is None and len(names) == 1:
-        return config.endcaps[0]
+    name = names[0] if name is None and len(names) == 1 else name
     if name not in names:
-        known = ", ".join(names)
-        raise ParameterError(f"--endcap {name or 'missing'}: choose one of {known}", name="endcap", value=name)
+        raise ParameterError(f"--endcap {name or 'missing'}: choose one of {', '.join(names)}", name="endcap")
     return config.endcaps[names.index(name)]

@@ -108,6 +108,19 @@ def live_command(path: Path) -> str:
     return typed_command("sensing.live", "--config", str(path))
 
 
+def next_words(path: Path, trained_for: str = "") -> str:
+    """What to run once such a file is written, for the end of a line.
+
+    Args:
+        path: of the file.
+        trained_for: silicone of the weights where an endcap is of another one: live refuses it until it is weighed.
+    """
+    if not trained_for:
+        return f"run {live_command(path)}"
+    weigh = typed_command("sensing.weigh", "--config", str(path))
+    return f"its weights are for {trained_for}, so weigh each endcap first: {weigh}; then {live_command(path)}"
+
+
 def _lines(record: Any, without: tuple[str, ...], folder: Path) -> list[str]:
     found = []
     for entry in fields(record):

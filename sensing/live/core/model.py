@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cad import plugins
 from cad.errors import FileError, ParameterError
+from cad.identity import differing, name_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.live.core.config import EndcapConfig, LiveConfig
@@ -78,6 +79,19 @@ class LiveModel:
             return ContactThreshold(on_n, off_n or on_n * RELEASE_N / CONTACT_N, float("nan"), 0.0, True)
         on_n, off_n = (gain * (self.rest_n + force_n * self.load_scale) for force_n in (CONTACT_N, RELEASE_N))
         return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
+
+
+def other_silicone(model: LiveModel, endcap: EndcapConfig) -> str:
+    """Silicone that a model was trained for where an endcap is of another one and needs a gain; else empty.
+
+    Args:
+        model: a model that answers for the endcap.
+        endcap: with its silicone.
+    """
+    made_for = getattr(model.estimator, "identity", None)
+    if made_for is None or not differing(made_for, endcap.identity, ("silicone",)):
+        return ""
+    return name_of(made_for, "silicone")
 
 
 def live_model(

@@ -100,9 +100,9 @@ class EndcapPipeline:
         return replace(camera, camera=camera.camera.resized(width_px, height_px))
 
     @property
-    def rest_camera(self) -> RestCamera | None:
-        """Camera estimated from the reference in use; None before it, and for methods without dots."""
-        return None if self._check is None else self._check.rest
+    def check(self) -> CameraCheck | None:
+        """Camera and picture of the reference in use, judged; None before it, and for methods without dots."""
+        return self._check
 
     @property
     def note(self) -> str:

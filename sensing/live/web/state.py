@@ -27,6 +27,7 @@ def hello(run: LiveRun) -> dict[str, Any]:
             "centre_mm": endcap.params.centre_height_mm,
             "T_robot_endcap": endcap.T_robot_endcap.tolist(),
             "weighed": endcap.weighed,
+            "rate_effects": endcap.rate_effects,
             "diameter_mm": endcap.diameter_mm,
             "wall_mm": endcap.wall_mm,
             "silicone": endcap.silicone,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sensing.simulator.solid.element import Array
 
 MASS_KG = 12.0  # P, NET27
-GRAVITY_M_S2 = 9.81
+GRAVITY_M_S2 = 9.81  # with which scene.npz was solved
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
 RING_RADIUS_MM = 320.0  # E
 BAR_MM = 900.0  # E: between the centres of its two endcaps

@@ -22,7 +22,7 @@ RAMP_S, SETTLED_S, CREEP_S = 1.0, 1.0, 1.0
 SAMPLED_STEPS = 5  # time steps between samples of a ramp
 STIFF_N_M = 5e3  # approximate stiffness of the springs: gives brakes near the aperiodic limit
 CARRIED_KG = (1.0, 12.0)  # masses besides the endcap with which it is measured
-GRAVITY_M_S2 = 9.81
+GRAVITY_M_S2 = 9.81  # with which bench/robot_model.csv was measured
 CREEP_N, CREEP_SHARE = 20.0, 0.5  # normal force, N, and part of the friction limit that pulls along the plane
 
 

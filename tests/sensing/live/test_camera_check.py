@@ -25,7 +25,7 @@ from sensing.live.core.config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import DotTracks, Frame
-from sensing.setup import _camera_kept
+from sensing.setup import _await_zeros, _camera_kept
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
 from sensing.tracking.model_input import model_input
@@ -132,6 +132,10 @@ def test_no_camera_is_taken_from_the_picture_of_another_diameter_or_of_a_pressed
     other = Frame(0.0, 0, "large", jpeg=renderer.render().jpeg)
     pipeline, wrong = reading((other, replace(other, time_s=0.1)))
     assert FLAG in wrong.estimate.flags and "D=150 T=8" in pipeline.note
+    said: list[str] = []  # setup wrote endcaps.toml without a word of it
+    found = [reading(frames[name])[0] for name in ("nominal", "turned")]
+    _await_zeros([SimpleNamespace(pipeline=each) for each in (pipeline, *found)], said.append)
+    assert len(said) == 1 and "warning: every reading will be flagged" in said[0] and "D=150 T=8" in said[0]
     renderer = DomeRenderer(PARAMS, TURNED, RenderSettings(seed=31).at_level("draft"))
     deep = Frame(0.0, 0, "deep", jpeg=renderer.render(pressed(renderer.surface_mm, 25.0)).jpeg)
     pipeline, wrong = reading((deep, replace(deep, time_s=0.1)))

@@ -5,7 +5,9 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +17,10 @@ from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, film, stand_in, wait_for
 from long_cases import others_long
 
 from sensing.live.cli import main
+from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcaps_file import load_config
 from sensing.live.replay import read_config, verify
+from sensing.live.web.state import hello
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -70,6 +75,23 @@ def test_photos_each_stand_for_themselves(tmp_path, monkeypatch, capsys):
     assert [line["contact"] for line in lines] == [False, False, True, False]
     assert lines[2]["force_n"][0] > 5 and abs(lines[3]["force_n"][0]) < 0.5  # no memory of the photo before
     assert "endcap_0: 4 frames" in reported.err
+
+
+def test_what_corrects_the_forces_is_said_at_the_start_and_on_the_page(tmp_path, monkeypatch, capsys):
+    """Constants of a dwell test changed every force by percents, and nothing showed that they are in use."""
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
+    path = tmp_path / "endcaps.toml"
+    path.write_text(
+        f'[[endcap]]\nname = "a"\nsource = "{photos(tmp_path)}"\ngain = 0.9\ngain_sd = 0.01\n'
+        "relaxation = [[0.0625, 0.166, 0.01], [0.0419, 1.31, 0.004]]\n"
+    )
+    assert main(["--config", str(path), "--no-page", "--speed", "0"]) == 0
+    out = capsys.readouterr().out
+    assert "a: calibrated by weight: gain 0.900" in out
+    assert "a: rate effects corrected: 6.2 % in 0.17 s, 4.2 % in 1.3 s" in out
+    config = load_config(path)
+    shown = hello(SimpleNamespace(config=replace(config, endcaps=(*config.endcaps, EndcapConfig("b", "1")))))["hello"]
+    assert [each["rate_effects"][:16] for each in shown] == ["corrected: 6.2 %", ""]
 
 
 def test_rerun_is_an_option_that_says_how_to_get_it(tmp_path, monkeypatch, capsys):

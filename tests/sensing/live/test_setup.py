@@ -1,5 +1,6 @@
 import threading
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
+from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.demo.scene_server import mjpeg_server
 from sensing.live.endcap import Endcap, open_endcap
 from sensing.sources.newest import SourceError
@@ -126,6 +128,27 @@ def test_a_camera_that_is_unplugged_or_knocked_while_it_is_set_up_is_named(
     assert list(tmp_path.iterdir()) == []
     if (what, during) == ("gone", "rest"):
         assert lines[-1].startswith("waiting for 1: unplugged")
+
+
+@pytest.mark.long
+def test_weights_of_another_silicone_serve_until_the_endcap_is_weighed(tmp_path, monkeypatch, quick):
+    """Setup refused it with the advice to weigh it, which needs the file that setup writes."""
+    hand, opened = Hand(1), []
+
+    def endcaps(given, models=None):
+        opened.extend(replace(each, silicone="Smooth-Sil 940") for each in given.endcaps)
+        made = [models(each) for each in opened]
+        return [
+            LiveEndcap(CameraFeed(hand.camera(k)), EndcapPipeline(each, model, None, k, 10))
+            for k, (each, model) in enumerate(zip(opened, made, strict=True))
+        ]
+
+    monkeypatch.setattr(setup, "open_endcaps", endcaps)
+    said = []
+    out = tmp_path / "endcaps.toml"
+    setup.set_up(config(1), out, lambda _: "", lambda text: said.append(text) or "")
+    assert load_config(out).endcaps[0].silicone == "Smooth-Sil 940"
+    assert "for the silicone Smooth-Sil 950, so weigh each endcap first" in said[-1] and "sensing.weigh" in said[-1]
 
 
 def test_a_configuration_that_is_there_is_kept(tmp_path):

@@ -63,7 +63,9 @@ def test_what_the_untouched_endcap_reads_is_no_load(monkeypatch):
 
     monkeypatch.setattr(session, "Engine", lambda *_: contextlib.nullcontext())
     monkeypatch.setattr(session, "_await", at_rest)
-    endcap = SimpleNamespace(name="a", pipeline=SimpleNamespace(zero="", model=SimpleNamespace(load_scale=1.0)))
+    monkeypatch.setattr(session, "_await_reference", lambda _: None)
+    pipeline = SimpleNamespace(model=SimpleNamespace(load_scale=1.0), endcap=EndcapConfig("a", "0"))
+    endcap = SimpleNamespace(name="a", pipeline=pipeline)
     terms = session.Terms(0.0, 0.0, 0.0, GRAVITY_M_S2)
     poses = session.weigh_live(endcap, terms, lambda _: next(answers), lambda _: "")
     assert fit_gain(poses).gain == pytest.approx(0.73, abs=1e-12)

@@ -75,6 +75,17 @@ def test_endcaps_whose_places_in_the_robot_are_not_stated_are_named(standing, ca
 
 
 @pytest.mark.parametrize(
+    ("words", "option"),
+    [(["--endcap", "endcap_1"], "endcap"), (["--tilt", "5"], "tilt"), (["--gravity", "9.8"], "gr")],
+)
+def test_options_of_one_endcap_do_not_weigh_a_whole_robot(standing, capsys, words, option):
+    """--endcap was ignored: the gains of all endcaps changed."""
+    assert weighed(standing, *words) == 2 and (standing / "endcaps.toml").read_text() == ROBOT
+    error = capsys.readouterr().err
+    assert f"--{option}" in error and "has no effect with --postures" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("row", "said"),
     [
         ("x.mcap,0,0,2", "vertical of length 1"), ("x.mcap,0,up,1", "vertical of length 1"), ("x.mcap,0", "length 1"),
@@ -204,3 +215,26 @@ def test_a_camera_file_of_another_size_than_a_film_is_one_line(tmp_path, monkeyp
     assert run(["--config", str(tmp_path / "e.toml"), *words]) == 2
     error = capsys.readouterr().err
     assert "a camera of 1280x960 px, the pictures have 640x480" in error and error.count("\n") == 1
+
+
+def test_a_gain_that_could_not_be_stored_is_not_asked_for(tmp_path, monkeypatch, capsys):
+    def full(path):
+        raise FileError(f"{path}: No space left on device")
+
+    monkeypatch.setattr("sensing.weigh.require_place", full)
+    monkeypatch.setattr("sensing.weigh.warm_up", lambda _: pytest.fail("went on"))
+    (tmp_path / "e.toml").write_text('[[endcap]]\nname = "a"\nsource = "0"\n')
+    assert weigh.main(["--config", str(tmp_path / "e.toml")], pytest.fail) == 2
+    assert "No space left" in capsys.readouterr().err
+
+
+def test_the_password_of_a_camera_is_not_shown_while_it_is_weighed(tmp_path, monkeypatch, capsys):
+    def stopped(*_, **__):
+        raise EOFError
+
+    monkeypatch.setattr("sensing.weigh.warm_up", lambda _: None)
+    monkeypatch.setattr("sensing.weigh.open_endcaps", stopped)
+    (tmp_path / "e.toml").write_text('[[endcap]]\nname = "a"\nsource = "http://bob:secret@10.0.0.7/"\n')
+    assert weigh.main(["--config", str(tmp_path / "e.toml")]) == 130
+    out, err = capsys.readouterr()
+    assert "http://***@10.0.0.7/" in out and "secret" not in out + err

@@ -8,7 +8,9 @@ from cad.errors import FileError
 from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from sensing import dwell
 from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.model import weights_in_use
 from sensing.live.open_endcaps import configured_models
 from sensing.wrench.model import load_wrench_model
@@ -56,6 +58,20 @@ def test_a_weighed_endcap_keeps_the_weights_that_it_was_weighed_with(make):
         assert weights_in_use(config, weighed).name == weights_name(PARAMS, cast_of)
         assert weights_digest(configured_models(config)(weighed).estimator) == digest
     assert weights_digest(weighing().estimator) == own
+
+
+def test_a_dwell_test_of_a_weighed_endcap_is_read_with_the_weights_of_its_gain(make, monkeypatch, tmp_path):
+    """Weights of its own silicone that were made later gave half of the weight that stood on the dome."""
+    usual, own = make(DEFAULT_SILICONE, 1.0), make(SOFT, 0.04)
+    used = []
+    monkeypatch.setattr(dwell, "film_readings", lambda _, __, model: used.append(weights_digest(model.estimator)) or ())
+    monkeypatch.setattr(dwell, "warm_up", lambda _: None)
+    for endcap, digest in (
+        (ENDCAP, own), (replace(ENDCAP, gain=0.04, gain_sd=0.001, gain_weights=usual), usual),
+        (replace(ENDCAP, gain=0.9, gain_sd=0.01, gain_weights=own), own),
+    ):  # fmt: skip
+        save_config(LiveConfig((endcap,)), path := tmp_path / "e.toml")
+        assert dwell.main(["--config", str(path), "--source", "dwell.mcap"]) == 2 and used.pop() == digest
 
 
 def test_without_weights_the_command_for_its_own_silicone_is_named(make):

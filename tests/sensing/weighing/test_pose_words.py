@@ -34,6 +34,13 @@ def test_a_pose_in_words():
     assert found == PoseRequest(600.0, 20.0, -90.0, 3.0, "films/a,b.mcap")
 
 
+def test_what_a_pose_leaves_out_is_as_the_options_say():
+    """--tilt and --scale-sd had no effect on poses from files."""
+    found = parse_pose("grams=500,azimuth=30,source=a", tilt_deg=20.0, azimuth_deg=-90.0, sd_g=8.0)
+    assert found == PoseRequest(500.0, 20.0, 30.0, 8.0, "a")
+    assert parse_pose("grams=500,tilt=0,sd=0", tilt_deg=20.0, sd_g=8.0) == PoseRequest(500.0)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -4,7 +4,7 @@ const $ = (id) => document.getElementById(id);
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
 const KEPT = "endcap chosen"; // in the browser's storage, so that a reload shows the same endcap
-let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], weight_n = 0, sought = null, kinds = null;
+let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], corrected = [], weight_n = 0, sought = null, kinds = null;
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
@@ -72,6 +72,7 @@ function begin(shown) {
   Scene.set(shown.hello);
   Dome.set(shown.hello);
   weighed = shown.hello.map((endcap) => endcap.weighed);
+  corrected = shown.hello.map((endcap) => endcap.rate_effects);
   weight_n = shown.weight_n;
   names = shown.hello.map((endcap) => endcap.name);
   chosen = Math.max(0, names.indexOf(stored()));
@@ -207,7 +208,7 @@ function arrows(g, detail, s) {
 function health(endcap) {
   const stages = Object.entries(endcap.stage_ms).map(([name, ms]) => `${name} ${ms}`).join(", ");
   const rows = [
-    ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["stiffness", weighed[chosen] || "not calibrated by weight"], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
+    ["state", endcap.message ? `${endcap.status}: ${endcap.message}` : endcap.status], ["zeroed", zeroed(endcap)], ["stiffness", weighed[chosen] || "not calibrated by weight"], ["rate effects", corrected[chosen] || "not corrected"], ["rate", `${endcap.rate_hz} Hz`], ["age of the picture", `${endcap.age_ms ?? "–"} ms`],
     ["image to wrench", `${endcap.p50_ms ?? "–"} ms median, ${endcap.p99_ms ?? "–"} ms at 99 %`], ["stages, ms", stages],
     ["dropped, unusable, reopened", `${endcap.dropped}, ${endcap.faults}, ${endcap.reopened}`], ["dots", endcap.dots_known ? `${endcap.dots} of ${endcap.dots_known}` : "not used"],
     ["drift since zero", endcap.drift || "unknown"], ["warnings", Words.plain(endcap.flags) || "none"],

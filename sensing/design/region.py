@@ -229,8 +229,8 @@ def _bearing(places: Sequence[Place], load_n: float, error_n: float) -> list[Pla
 def _why(word: str, place: Place, count: int) -> str:
     return (
         f"{word} of {count} designs that do: bears {place.safe_n:.4g} N ({place.limit}), {place.error_n:.2g} N "
-        f"expected (dots allow {place.bound_n:.2g}), {place.stiffness_n_mm:.3g} N/mm, {place.mass_g:.3g} g of silicone, "
-        f"which sags by {place.sag_mm:.2g} mm when turned onto its side"
+        f"expected (dots allow {place.bound_n:.2g}), {place.stiffness_n_mm:.3g} N/mm, {place.mass_g:.3g} g of silicone "
+        f"that sags by {place.sag_mm:.2g} mm when turned onto its side"
     )
 
 

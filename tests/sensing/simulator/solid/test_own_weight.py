@@ -66,7 +66,7 @@ def test_half_as_stiff_sags_twice_as_far(model):
 
 
 def test_a_soft_skin_sags_as_linear_elasticity_says():
-    """The endcap of the softest silicone on its side sags by 7 % of its radius; Newton's method on the neo-Hooke law."""
+    """Newton's method on the neo-Hooke law, where the skin sags by 7 % of its radius."""
     soft = silicone("Ecoflex 00-30")
     half = shell_model(shell_geometry(172, 12.5), soft.neo_hooke(), "draft", half=True)
     linear = own_weight_displacement(half, soft.density_g_cm3, (G, 0.0, 0.0))

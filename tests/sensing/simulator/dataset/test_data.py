@@ -202,6 +202,8 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),
         (["--indenter", "cone"], "indenter='cone' is unknown: choose one of plane, sphere, edge"),
         (["--indenter", "sphere", "--radius", "0"], "radius_mm=0 is not positive"),
+        (["--radius", "15"], "--radius 15: a plane has none"),
+        (["--indenter", "sphere", "--axis", "0"], "--axis 0: a sphere has none"),
         (["--states", str(tmp_path)], "give a folder of labelled frames"),
         (["--workers", "0"], "workers=0 outside"),
     ):

@@ -144,7 +144,8 @@ def write_labelled(
             if progress is not None:
                 progress(number + 1, len(paths))
     except OSError as error:
-        raise FileError(f"{folder}: cannot be written ({error.strerror or error}): choose another folder") from error
+        reason = error.strerror or error
+        raise FileError(f"{folder}: cannot be written ({reason}): free some space, or choose another folder") from error
     return frames
 
 

@@ -6,7 +6,7 @@
     python -m sensing.train --start default --intervals exports/sensor71 exports/sensor72 --out weights.safetensors
     python -m sensing.train exports/endcap3 --method dots --start default --out endcap3.safetensors      # own recording
 
-An interrupted training on folders goes on with the same command. Wrenches about the sphere's centre, N and N m.
+A training that was stopped goes on with the same command. Wrenches about the sphere's centre, N and N m.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LOG.error(f"sensing.train: {error}")
         return 2
     except KeyboardInterrupt:
-        again = "the same command goes on from here" if options.data else "nothing was written"
+        again = "the same command goes on from here" if options.data or options.design else "nothing was written"
         LOG.error(f"\nsensing.train: stopped; {again}")
         return 130
 
@@ -146,7 +146,7 @@ def _rescaled(options: argparse.Namespace) -> int:
 def _design(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights of a design from the library of solved states."""
     _require_design(options)
-    from sensing.design.weights import DesignRequest, design_weights
+    from sensing.design.weights import DesignRequest, saved_weights
     from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
 
     options.diameter, options.wall = options.design
@@ -163,8 +163,7 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
         show(f"{known}: weights of {request.params.label} in {request.silicone} are there")
         return _copied(known, options.copy_to)
     begin = time.monotonic()
-    model = design_weights(request, config, lambda text: LOG.info(f"{text} ..."))
-    model.save(out)
+    model = saved_weights(out, request, config, lambda text: LOG.info(f"{text} ..."))
     rmse, top = model.about["metrics"]["validation_rmse"], request.scale.top_n
     force = (sum(value**2 for value in rmse[:3]) / 3) ** 0.5
     show(

@@ -14,6 +14,7 @@ from cad.pattern import step_deg
 from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
 from sensing.design.region import SILICONE_USD_KG
+from sensing.tracking.own_weight import G_M_S2
 
 
 class Source(Enum):
@@ -90,6 +91,10 @@ def _loads(study: Study) -> list[Figure]:
         Figure(
             "depth_mm", "depth at the range, 25 degrees", study.curves[1].depth_at(study.range_n), "mm",
             Source.COMPUTED, "",
+        ),
+        Figure(
+            "sag_mm", "sag when turned onto its side", study.sag_mm, "mm", Source.COMPUTED,
+            f"by its own weight of {G_M_S2 * study.mass_g / 1000:.3g} N, untouched: largest motion of a dot",
         ),
         Figure(
             "patch_mm2", "contact patch at half the range, 25 degrees", study.curves[1].patch_at(half), "mm2",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad import scaling
+from cad.dots import dot_pattern
 from cad.materials import DEFAULT_SILICONE, Silicone, silicone
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
@@ -18,6 +19,7 @@ from sensing.simulator.similarity.library import load_library
 from sensing.simulator.similarity.node import CAPACITY_DEPTHS, CAPACITY_TILTS_DEG
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios
 from sensing.simulator.solid.geometry import ShellGeometry, shell_geometry
+from sensing.tracking.own_weight import own_weight_displacement
 
 Array = NDArray[np.float64]
 TILTS_DEG = (10.0, 25.0, 40.0, 50.0)  # tilts of the bounds
@@ -189,6 +191,13 @@ class Study:
     def mass_g(self) -> float:
         """Mass of the silicone, g."""
         return self.volume_cm3 * self.material.density_g_cm3
+
+    @cached_property
+    def sag_mm(self) -> float:
+        """Largest motion of a dot by the skin's own weight where the endcap is turned from tip up onto its side, mm."""
+        arm = self.params.inner_radius_mm * np.array([dot.direction for dot in dot_pattern(self.params)])
+        moved = own_weight_displacement(arm, self.params, self.material)
+        return float(np.linalg.norm(moved[:, :, 0] + moved[:, :, 2], axis=1).max())  # tip up: gravity along -z
 
     def stiffness_n_mm(self, tilt_deg: float) -> float:
         """Secant stiffness from first touch to a fifth of the range, N/mm, at one of the curves' tilts, degrees."""

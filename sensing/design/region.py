@@ -39,6 +39,7 @@ class Place:
         bound_n: Cramér-Rao bound of the force, an axis, N.
         mass_g: mass of the silicone, g.
         cost_usd: cost of silicone and mold (estimated), USD.
+        sag_mm: motion of a dot by the skin's own weight where the endcap is turned from tip up onto its side, mm.
         pareto: whether no other place has more range, less error in percent of it and less mass.
     """
 
@@ -52,6 +53,7 @@ class Place:
     bound_n: float
     mass_g: float
     cost_usd: float
+    sag_mm: float
     pareto: bool = False
 
     @property
@@ -78,11 +80,12 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
     return Place(
         params.diameter_mm, params.wall_mm, study.silicone, study.range_n, safe_n, limit,
         study.stiffness_n_mm(25.0), study.bound_n if bound_n is None else bound_n, study.mass_g, cost_usd,
+        study.sag_mm,
     )  # fmt: skip
 
 
 def in_silicone(place: Place, name: str) -> Place:
-    """The same shell in another silicone: loads, stiffness and errors scale with mu, mass with the density.
+    """The same shell in another silicone: loads, stiffness and errors go with mu, mass with the density, sag with both.
 
     Args:
         place: place in a silicone without a strain limit.
@@ -94,7 +97,8 @@ def in_silicone(place: Place, name: str) -> Place:
     return replace(
         place, silicone=name, range_n=place.range_n * stiffer, safe_n=place.safe_n * stiffer,
         stiffness_n_mm=place.stiffness_n_mm * stiffer, bound_n=place.bound_n * stiffer, mass_g=mass,
-        cost_usd=place.cost_usd + SILICONE_USD_KG * (mass - place.mass_g) / 1000, pareto=False,
+        cost_usd=place.cost_usd + SILICONE_USD_KG * (mass - place.mass_g) / 1000,
+        sag_mm=place.sag_mm * mass / place.mass_g / stiffer, pareto=False,
     )  # fmt: skip
 
 
@@ -225,7 +229,8 @@ def _bearing(places: Sequence[Place], load_n: float, error_n: float) -> list[Pla
 def _why(word: str, place: Place, count: int) -> str:
     return (
         f"{word} of {count} designs that do: bears {place.safe_n:.4g} N ({place.limit}), {place.error_n:.2g} N "
-        f"expected (dots allow {place.bound_n:.2g}), {place.stiffness_n_mm:.3g} N/mm, {place.mass_g:.3g} g of silicone"
+        f"expected (dots allow {place.bound_n:.2g}), {place.stiffness_n_mm:.3g} N/mm, {place.mass_g:.3g} g of silicone "
+        f"that sags by {place.sag_mm:.2g} mm when turned onto its side"
     )
 
 

@@ -15,11 +15,13 @@ from pathlib import Path
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.params import EndcapParams
 from cad.pattern import rings_text
+from sensing.design.unfinished import unfinished
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.radial import radial_tensors
-from sensing.learning.samples import MARKERS, SHAPE
+from sensing.learning.samples import MARKERS, SENSORS, SHAPE
 from sensing.simulator.dataset.request import DataRequest
+from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import LoadPath
 from sensing.simulator.similarity.labelled import (
     StateSource,
@@ -81,8 +83,29 @@ class DesignRequest:
         )  # fmt: skip
 
 
+def saved_weights(out: Path, request: DesignRequest, config: FitConfig, say: Say) -> WrenchModel:
+    """Train weights for a design and write them; a run that was stopped goes on.
+
+    Args:
+        out: file of the weights.
+        request, config, say: as for :func:`design_weights`.
+
+    Raises:
+        ParameterError: a design outside the library.
+        FileError: the library is missing, or a file cannot be written.
+    """
+    with unfinished(out, f"{request} {request.data('off', 1).identity.digest}") as folder:
+        model = design_weights(request, config, say, folder=folder)
+        model.save(out)
+    return model
+
+
 def design_weights(
-    request: DesignRequest, config: FitConfig, say: Say | None = None, solved: StateSource | None = None
+    request: DesignRequest,
+    config: FitConfig,
+    say: Say | None = None,
+    solved: StateSource | None = None,
+    folder: Path | None = None,
 ) -> WrenchModel:
     """Train weights for a design.
 
@@ -91,6 +114,8 @@ def design_weights(
         config: settings of training.
         say: function that takes one line for each stage.
         solved: states of the library's paths from elsewhere (a direct simulation); None takes the library.
+        folder: folder in which a stopped training of the same request goes on (:mod:`sensing.design.unfinished`);
+            None takes a temporary one.
 
     Raises:
         ParameterError: a design outside the library.
@@ -99,24 +124,31 @@ def design_weights(
     from sensing.learning.fitting import fit  # torch takes seconds to load
 
     say = say or (lambda text: None)
-    with tempfile.TemporaryDirectory(prefix="endcap_weights_") as place:
-        folder = Path(place)
-        shell = shell_of(request.data("off", request.azimuths))
-        source = solved or library_source(shell[0])
-        paths = request.paths
-        say(f"states of {request.params.label} from the library")
-        states = request.data("off", request.azimuths)
-        write_labelled(states, with_azimuths(paths, request.azimuths), source, folder / "states", shell)
-        pictured = None
-        if request.pictures:
-            say("pictures of them, tracked")
-            look = request.data("data", PICTURE_AZIMUTHS)
-            write_labelled(look, with_azimuths(paths, PICTURE_AZIMUTHS), source, folder / "pictures", shell)
-            pictured = read_all([folder / "pictures"], "dots", SHAPE)
-        say("fields of 32 domain-randomised sensors")
-        samples = replace(read_all([folder / "states"], MARKERS, SHAPE), sources=("library",))
-        say("training")
-        model = fit(samples, config, pictures=pictured)
-        model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))
+    if folder is None:
+        with tempfile.TemporaryDirectory(prefix="endcap_weights_") as place:
+            return design_weights(request, config, say, solved, Path(place))
+    shell = shell_of(request.data("off", request.azimuths))
+    source = solved or library_source(shell[0])
+    say(f"states of {request.params.label} from the library")
+    _write(request, "off", request.azimuths, source, folder / "states", shell)
+    pictured = None
+    if request.pictures:
+        say("pictures of them, tracked")
+        _write(request, "data", PICTURE_AZIMUTHS, source, folder / "pictures", shell)
+        pictured = read_all([folder / "pictures"], "dots", SHAPE)
+    say(f"fields of {SENSORS} domain-randomised sensors")
+    samples = replace(read_all([folder / "states"], MARKERS, SHAPE), sources=("library",))
+    say("training")
+    model = fit(samples, config, checkpoint=folder / "checkpoint", pictures=pictured)
+    model = replace(model, weights=model.weights | radial_tensors([folder / "states"], SHAPE))
     about = {"silicone": request.silicone, MADE_BY: BY_SIMILARITY, "range_n": round(request.scale.top_n, 3)}
     return replace(model, about=model.about | about)
+
+
+def _write(
+    request: DesignRequest, render: str, azimuths: int, source: StateSource, folder: Path,
+    shell: tuple[Simulator, LoadScale],
+) -> None:  # fmt: skip
+    """Write the request's states into a folder, but for the paths that a stopped run left there."""
+    paths = with_azimuths(request.paths, azimuths)
+    write_labelled(request.data(render, azimuths), paths, source, folder, shell, keep=True)

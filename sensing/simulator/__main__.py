@@ -10,7 +10,7 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicone
 from cad.messages import LOG, announced, show
 from sensing.arguments import number, silicone_name
-from sensing.simulator.contact.indenter import known_kinds
+from sensing.simulator.contact.indenter import Indenter, known_kinds, require_used
 from sensing.simulator.dataset import cli as data_cli
 from sensing.simulator.levels import Simulator
 from sensing.simulator.solid.geometry import shell_geometry
@@ -34,12 +34,15 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _press(options: argparse.Namespace) -> int:
+    require_used(options.body, radius=options.radius, axis=options.axis)
+    given = {"radius_mm": options.radius, "axis_deg": options.axis}
     geometry, law = shell_geometry(options.diameter, options.wall), silicone(options.silicone).neo_hooke()
     text = "pressing: half a minute more where the simulator must be compiled, once on this computer"
     with announced(text, PATIENCE_S):
         state = Simulator(geometry, law, options.density, level=1, interlock=options.interlock).press(
             options.normal, options.tilt, (options.meridian, options.lateral),
-            friction=options.friction, kind=options.body, radius_mm=options.radius, axis_deg=options.axis,
+            friction=options.friction, kind=options.body,
+            **{name: value for name, value in given.items() if value is not None},
         )  # fmt: skip
     certificate = state.certificate
     assert certificate is not None
@@ -72,9 +75,13 @@ def _parser() -> argparse.ArgumentParser:
     press.add_argument(
         "--indenter", "--body", dest="body", choices=known_kinds(), default="plane", help="what presses (default plane)"
     )
-    press.add_argument("--radius", type=number, default=20, help="radius of sphere, edge or crest, mm (default 20)")
     press.add_argument(
-        "--axis", type=number, default=90, help="direction of an edge from the meridian, degrees (default 90)"
+        "--radius", type=number, help=f"radius of sphere, edge or crest, mm (default {Indenter.radius_mm:g})"
+    )
+    press.add_argument(
+        "--axis",
+        type=number,
+        help=f"direction of an edge or of rows of crests from the meridian, degrees (default {Indenter.axis_deg:g})",
     )
     press.set_defaults(run=_press, stopped="stopped")
     data = commands.add_parser(

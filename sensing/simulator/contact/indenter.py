@@ -23,6 +23,28 @@ from sensing.simulator.solid.geometry import ShellGeometry
 KINDS = {kind.name.lower(): kind for kind in BodyKind}  # built-in bodies by name
 MIRRORED_DEG = {"edge": 90.0, "rough": 45.0}  # the body is its own mirror image in y = 0 at multiples of this axis_deg
 MAX_TILT_DEG = 100.0  # beyond it a plane would cut the base before it presses the dome
+# Options of a body -> built-in bodies that have them; a plug-in's may use all.
+USES = {"radius": ("sphere", "edge", "rough"), "axis": ("edge", "rough")}
+
+
+def require_used(kind: str, **given: float | None) -> None:
+    """Refuse an option of a body that this body does not have, because it would change nothing.
+
+    Args:
+        kind: name of the body.
+        given: value of each option of :data:`USES`, by name; None where it was not given.
+
+    Raises:
+        ParameterError: a radius of a plane, or the axis of a body that has none.
+    """
+    for name, value in given.items():
+        if value is not None and kind in KINDS and kind not in USES[name]:
+            raise ParameterError(
+                f"--{name} {value:g}: a {kind} has none, so it would change nothing; give --indenter "
+                f"{' or '.join(USES[name])}, too, or leave it out",
+                name=name,
+                value=value,
+            )
 
 
 def known_kinds() -> tuple[str, ...]:

@@ -9,16 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from cad.messages import show
+from cad.messages import LOG, show
 from cad.typed_folder import EXPORTS
 from sensing.arguments import number, scientific, silicone_name, whole
 from sensing.records_labelled import LabelledSet
-from sensing.simulator.contact.indenter import KINDS
-from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RENDERERS, DataRequest
+from sensing.simulator.contact.indenter import KINDS, require_used
+from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RELEASED, RENDERERS, DataRequest
 from sensing.simulator.dataset.writer import refusals, write_dataset
 from sensing.simulator.protocols.catalogue import PROTOCOLS
+from sensing.simulator.similarity.ratios import RELEASED_LOAD_N
 from sensing.simulator.solid.mesh import DENSITIES
 
+LOADS_ALIKE = 1.5  # E: factor up to which the range of a design counts as that of D=130 T=8
 DESCRIPTION = """\
 Write labelled, rendered frames (read them with sensing.records_labelled). An unfinished or smaller set of the same
 options is completed, of a larger one what is missing of the frames asked for. Examples:
@@ -60,8 +62,10 @@ def _add_mechanics(parser: argparse.ArgumentParser) -> None:
         parser, "interlock", number, "stiffness of the zone with TPU gyroid over the silicone's; Smooth-Sil 950: 1.49"
     )
     _option(parser, "indenter", str, "what presses", choices=tuple(KINDS))
-    _option(parser, "radius_mm", number, "radius of a sphere or edge, mm", "--radius")
-    _option(parser, "axis_deg", number, "direction of an edge from the meridian, degrees", "--axis")
+    _option(parser, "radius_mm", number, "radius of a sphere, edge or crest, mm", "--radius")
+    _option(
+        parser, "axis_deg", number, "direction of an edge or of rows of crests from the meridian, degrees", "--axis"
+    )
     _option(parser, "protocol", str, "loading paths", choices=tuple(PROTOCOLS))
     _option(
         parser, "loads", str, "of the set-points: those of D=130 T=8, or in proportion to this design's", choices=LOADS
@@ -92,16 +96,21 @@ def _option(
 ) -> None:  # fmt: skip
     """Add an option for one field of the request; the help states its default."""
     default = next(field.default for field in fields(DataRequest) if field.name == name)
+    given = None if name in ("radius_mm", "axis_deg") else default  # of the body: refused where it has none
     said = f"{text}; one of {', '.join(map(str, choices))}" if choices else text
     parser.add_argument(
-        flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=default, metavar="V",
+        flag or f"--{name.replace('_', '-')}", dest=name, type=kind, default=given, metavar="V",
         help=f"{said} (default {default})",
     )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the data set and print a summary."""
-    request = DataRequest(**{field.name: getattr(options, field.name) for field in fields(DataRequest)})
+    require_used(options.indenter, radius=options.radius_mm, axis=options.axis_deg)
+    typed = {field.name: getattr(options, field.name) for field in fields(DataRequest)}
+    request = DataRequest(**{name: value for name, value in typed.items() if value is not None})
+    if options.states is None:
+        _warn_of_loads(request)
     folder = options.out or Path(EXPORTS) / f"data_{request.params.label}_{request.protocol}_{request.seed}"
     written = write_dataset(request, folder, options.workers, options.scheduler, options.states)
     data, refused = LabelledSet(folder), refusals(folder)
@@ -114,3 +123,14 @@ def run(options: argparse.Namespace) -> int:
     at = f"{paths} paths at {f'tilt {low}' if low == high else f'tilts {low} to {high}'} degrees"
     show(f"{folder}: {len(data)} frames in {shards} ({written} written now), {at}, {size / 1e6:.0f} MB, {lost}")
     return 0
+
+
+def _warn_of_loads(request: DataRequest) -> None:
+    """Say where the set-points of D=130 T=8 press another design much more, or much less, than it bears."""
+    alike, factor = LOADS_ALIKE, request.scale.force
+    if request.loads == RELEASED and request.protocol != "robot" and not 1 / alike <= factor <= alike:
+        LOG.warning(
+            f"set-points are those of D=130 T=8, whose weights range to {RELEASED_LOAD_N:g} N; those of "
+            f"{request.params.label} in {request.silicone} range to {request.scale.top_n:.3g} N: --loads design "
+            "presses in proportion"
+        )

@@ -209,6 +209,12 @@ class DataRequest:
         brightness, gradient, azimuth, exposure = rng.uniform((0.75, 0.0, 0.0, 0.8), (1.25, 0.3, 360.0, 1.25))
         return Lamp(brightness=brightness, gradient=gradient, gradient_azimuth_deg=azimuth), float(exposure)
 
+    @property
+    def scale(self) -> LoadScale:
+        """Loads of this design over those of D=130 T=8 in Smooth-Sil 950."""
+        geometry = ShellGeometry.from_params(self.params)
+        return LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa)
+
     def shards(self) -> list[list[LoadPath]]:
         """Paths of every shard; shards are complete, so that a set can grow later, and hold all endcaps of a scene."""
         shards: list[list[LoadPath]] = []
@@ -221,10 +227,7 @@ class DataRequest:
 
     def _path(self, number: int) -> LoadPath:
         path = load_path(self.protocol, self.seed, number, self.azimuths)
-        if self.loads == RELEASED:
-            return path
-        geometry = ShellGeometry.from_params(self.params)
-        return scaled(path, LoadScale.of(geometry, silicone(self.silicone).neo_hooke().shear_mpa))
+        return path if self.loads == RELEASED else scaled(path, self.scale)
 
     def record(self) -> dict[str, Any]:
         """Record for the manifest: the request and the constants behind its names."""

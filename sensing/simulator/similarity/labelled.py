@@ -107,6 +107,7 @@ def write_labelled(
     folder: Path,
     shell: tuple[Simulator, LoadScale],
     progress: Progress | None = None,
+    keep: bool = False,
 ) -> int:
     """Write a set of paths that are given for D=130 T=8 in Smooth-Sil 950; replaces the content of the folder.
 
@@ -117,9 +118,10 @@ def write_labelled(
         folder: folder of the set.
         shell: result of :func:`shell_of`.
         progress: called with (paths done, paths in all).
+        keep: whether paths that an earlier run of the same request and source left there stay as they are.
 
     Returns:
-        Number of labelled frames.
+        Number of labelled frames written.
 
     Raises:
         FileError: the folder cannot be written.
@@ -128,19 +130,22 @@ def write_labelled(
     renderer, frames = _renderer(request, simulator), 0
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
-        for old in (folder / "shards").glob("*.npz"):
+        for old in () if keep else (folder / "shards").glob("*.npz"):
             old.unlink()
         _begin(request, simulator, folder, len(paths))
         for number, path in enumerate(paths):
+            if (folder / "shards" / f"{number:05d}.npz").exists():
+                continue
             shard = _shard(request, simulator, renderer, scaled(path, scale), source)
             frames += len(shard["path"])
             buffer = io.BytesIO()
             np.savez(buffer, **cast(dict[str, Any], shard))
-            put_file(folder / "shards" / f"{number:05d}.npz", buffer.getvalue())
+            put_file(folder / "shards" / f"{number:05d}.npz", buffer.getvalue(), durable=keep)
             if progress is not None:
                 progress(number + 1, len(paths))
     except OSError as error:
-        raise FileError(f"{folder}: cannot be written ({error.strerror or error}): choose another folder") from error
+        reason = error.strerror or error
+        raise FileError(f"{folder}: cannot be written ({reason}): free some space, or choose another folder") from error
     return frames
 
 

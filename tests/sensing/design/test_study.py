@@ -6,6 +6,7 @@ import csv
 import html
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,8 +108,23 @@ def test_a_softer_silicone_scales_loads_and_bounds_and_nothing_else():
     assert soft.bound_n == pytest.approx(ratio * RELEASED.bound_n, rel=1e-4)
     quick = in_silicone(place_of(RELEASED), "Ecoflex 00-30")
     direct = place_of(soft)
-    for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd"):
+    assert soft.sag_mm > 10 * RELEASED.sag_mm
+    for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd", "sag_mm"):
         assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("design", "name"), [((99, 6.5), "Smooth-Sil 950"), ((130, 8), "Dragon Skin 30"), ((250, 12), "Smooth-Sil 950")]
+)
+def test_the_sag_is_that_of_a_direct_solution(design, name):
+    """The whole shell under gravity, turned from tip up onto its side: `python bench/bench_own_weight.py`."""
+    rows = csv.DictReader((Path(__file__).parents[3] / "bench" / "own_weight.csv").open())
+    solved = [
+        float(row["dot_mm"]) for row in rows
+        if (float(row["diameter_mm"]), float(row["wall_mm"]), row["silicone"]) == (*design, name)
+        and row["turned"] == "sideways"
+    ]  # fmt: skip
+    assert solved and Study(EndcapParams(*design), name).sag_mm == pytest.approx(solved[0], rel=0.04)
 
 
 def sliced(params: EndcapParams) -> dict[str, object]:
@@ -154,7 +170,7 @@ def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypa
 
 def test_the_front_holds_what_nothing_beats():
     def place(range_n: float, bound_n: float, mass_g: float) -> Place:
-        return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0)
+        return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0, 0.1)
 
     places = [place(10, 0.1, 100), place(10, 0.1, 90), place(20, 0.1, 200), place(10, 0.04, 300)]
     assert pareto(places).tolist() == [False, True, True, True]

@@ -185,3 +185,17 @@ def test_press_takes_the_bodies_and_the_interlock_as_data_does(monkeypatch: pyte
     assert main(["press", *words]) == 130
     assert seen == {"level": 1, "interlock": 1.49, "friction": 0.5, "kind": "edge", "radius_mm": 8.0, "axis_deg": 25.0}
     assert main(["press", "--body", "sphere"]) == 130 and seen["kind"] == "sphere"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--radius", "5"], "--radius 5: a plane has none, so it would change nothing; give --indenter sphere or edge"),
+        (["--indenter", "sphere", "--axis", "90"], "--axis 90: a sphere has none"),
+    ],
+)
+def test_press_refuses_what_its_body_does_not_have(words, said, capsys):
+    """A plane was pressed where a ball of 5 mm was meant."""
+    assert main(["press", *words]) == 2
+    found = capsys.readouterr()
+    assert said in found.err and found.err.count("\n") == 1 and found.out == ""

@@ -202,6 +202,8 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--unpainted", "2"], "Paint.unpainted=2.0 outside"),
         (["--indenter", "cone"], "indenter='cone' is unknown: choose one of plane, sphere, edge"),
         (["--indenter", "sphere", "--radius", "0"], "radius_mm=0 is not positive"),
+        (["--radius", "15"], "--radius 15: a plane has none"),
+        (["--indenter", "sphere", "--axis", "0"], "--axis 0: a sphere has none"),
         (["--states", str(tmp_path)], "give a folder of labelled frames"),
         (["--workers", "0"], "workers=0 outside"),
     ):
@@ -212,6 +214,31 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
     (tmp_path / "file").write_text("")
     assert main(["data", "--out", str(tmp_path / "file"), "--frames", "1"]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], ""),
+        (
+            ["--diameter", "172", "--wall", "12.5", "--silicone", "Ecoflex 00-50"],
+            "D172_T12.5 in Ecoflex 00-50 range to 5.96 N",
+        ),
+        (["--diameter", "250", "--wall", "25"], "D250_T25 in Smooth-Sil 950 range to 342 N"),
+        (["--diameter", "250", "--wall", "25", "--loads", "design"], ""),
+        (["--diameter", "250", "--wall", "25", "--protocol", "robot"], ""),
+    ],
+)
+def test_loads_that_are_not_the_designs_are_named(words, said, tmp_path, monkeypatch, capsys) -> None:
+    """An endcap for 6 N was pressed to 35 N and 39 mm without a word."""
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sensing.simulator.dataset.cli.write_dataset", stopped)
+    assert main(["data", "--out", str(tmp_path / "x"), *words]) == 130
+    first, *rest = capsys.readouterr().err.splitlines()
+    assert (said in first and "--loads design" in first and len(rest) == 1) if said else not rest
 
 
 def test_the_press_command_prints_a_certificate(capsys: pytest.CaptureFixture) -> None:

@@ -9,6 +9,7 @@ from cad.materials import silicone
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.own_weight import nodal_mass_kg, own_weight_displacement
 from sensing.simulator.solid.shell import ShellModel, shell_model
+from sensing.simulator.solid.system import factorise
 
 DENSITY = 1.24
 G = 9.81
@@ -62,3 +63,18 @@ def test_half_as_stiff_sags_twice_as_far(model):
     weak = shell_model(model.geometry, replace(law, c10_mpa=law.c10_mpa / 2, bulk_mpa=law.bulk_mpa / 2), "draft")
     side = own_weight_displacement(weak, DENSITY, (G, 0, 0))
     assert side == pytest.approx(2 * own_weight_displacement(model, DENSITY, (G, 0, 0)), abs=1e-9)
+
+
+def test_a_soft_skin_sags_as_linear_elasticity_says():
+    """Newton's method on the neo-Hooke law, where the skin sags by 7 % of its radius."""
+    soft = silicone("Ecoflex 00-30")
+    half = shell_model(shell_geometry(172, 12.5), soft.neo_hooke(), "draft", half=True)
+    linear = own_weight_displacement(half, soft.density_g_cm3, (G, 0.0, 0.0))
+    weight = half.solid.gather(nodal_mass_kg(half, soft.density_g_cm3)[:, None] * np.array([G, 0.0, 0.0]))
+    moved = np.zeros_like(linear)
+    for _ in range(8):
+        left = weight - half.solid.gather(half.solid.energy_and_force(moved)[1])
+        moved = moved + half.solid.spread(factorise(half.solid, half.solid.tangent(moved)).solve(left))
+    assert np.abs(left).max() < 1e-6 * np.abs(weight).max()
+    assert np.linalg.norm(linear, axis=1).max() > 0.07 * half.geometry.outer_radius_mm
+    assert np.abs(moved - linear).max() < 0.05 * np.abs(linear).max()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import GRAVITY_M_S2
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.judging import COLD_C, WARM_C
 from fab.build_sheet.shopping import safety

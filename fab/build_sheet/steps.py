@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 
 from cad.bought import bought_mm
-from cad.leak import GRAVITY_M_S2
 from cad.robot_sides import entry_words, fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
+from fab.build_sheet.commands import GRAVITY_M_S2
 from fab.build_sheet.data import SheetData
 from fab.lift import lift_g, lift_kg
 from fab.recipe import Recipe, millilitres

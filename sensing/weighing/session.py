@@ -245,7 +245,7 @@ def _await_reference(endcap: LiveEndcap) -> None:
 
 
 def _await(endcap: LiveEndcap, listener: Listener, what: Callable[[RestWatch], Rest], where: str) -> Rest:
-    """Listen until an interval is at rest; a terminal shows the reason of the wait, a refusal that of the endcap, too."""
+    """Listen until an interval is at rest; a terminal shows why it waits, a refusal names the endcap's state."""
     end_s = time.monotonic() + REST_S
     listener.begin()
     try:

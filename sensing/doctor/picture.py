@@ -1,4 +1,4 @@
-"""Findings in the picture of an untouched endcap: its size, light, focus, size of the dots, and missing dots.
+"""Findings in the picture of an untouched endcap: its size, light, focus, size of the dots, missing dots, and diameter.
 
 Limits are estimates (E) set on rendered pictures of the released sensor with planted faults
 (tests/sensing/doctor/test_doctor.py has them); the four released photos pass. Pixels at 480 rows, gray values 0 to 255.
@@ -24,6 +24,7 @@ from sensing.calibration.dots import (
     sees_whole,
 )
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
+from sensing.calibration.other_design import OtherDesignError, design_fit, require_design
 from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.calibration.rest_picture import LEAST_ROWS, seen_dots
 from sensing.camera.dot_look import dot_look
@@ -58,7 +59,7 @@ def picture_findings(image_bgr: Image, params: EndcapParams) -> list[Finding]:
     centres, radii = find_blobs(image_bgr, params)
     if len(centres) < fewest_dots(nominal_mount(params), pattern_points(params)[0]):
         return [*light, _no_dots(len(centres), params)]
-    dots = [_dot_size(radii, centres, params, gray.shape), *_pattern(centres, params, gray.shape)]
+    dots = [_dot_size(radii, centres, params, gray.shape), *_pattern(centres, radii, params, gray.shape)]
     if size.verdict is not Verdict.BAD:  # else rims are as wide as its pixels, and a lens that is sharp would be turned
         dots.insert(0, _focus(gray, centres, radii, dot_look(params).scale))
     return [*light, *dots]
@@ -165,14 +166,26 @@ def _expected_px(params: EndcapParams, shape: tuple[int, ...], middle: Array, re
     return float(np.median(across[near]))
 
 
-def _pattern(centres: Array, params: EndcapParams, shape: tuple[int, ...]) -> list[Finding]:
-    """Which dots of the pattern are not seen, and whether the others lie where those of an untouched dome do."""
+def _pattern(centres: Array, radii: Array, params: EndcapParams, shape: tuple[int, ...]) -> list[Finding]:
+    """Which dots are not seen, whether the others lie where those of an untouched dome do, and of which diameter."""
     try:
         found = calibrate_from_dots(centres, params, (shape[1], shape[0]))
     except CalibrationError as error:
         fix = "give the design (--diameter, --wall); light and focus first"
         return [finding("dots", Verdict.BAD, f"{len(centres)} found: {error}", fix, {"found": float(len(centres))})]
-    return [_missing(found, params), _shape(found, params)]
+    return [_missing(found, params), _shape(found, params), _design(found, radii, params, (shape[1], shape[0]))]
+
+
+def _design(found: Calibration, radii: Array, params: EndcapParams, size_px: tuple[int, int]) -> Finding:
+    """Whether another diameter fits the dots clearly better, by which live flags every reading."""
+    fit = design_fit(found, radii, params)
+    try:
+        if fit.is_doubtful:  # else a second is saved
+            require_design(fit, radii, size_px)
+    except OtherDesignError as error:
+        fix = "give the design (--diameter, --wall); if the one given is right, see sensing.calibrate --help"
+        return finding("design", Verdict.BAD, error.found, fix)
+    return finding("design", Verdict.GOOD, f"no other diameter fits clearly better than {params.label}", "")
 
 
 def _shape(found: Calibration, params: EndcapParams) -> Finding:

@@ -28,7 +28,7 @@ class Bench:
         monkeypatch.setattr(session, "_await_reference", lambda _: None)
         monkeypatch.setattr(session, "_await", self.rest)
 
-    def rest(self, _, __, where):
+    def rest(self, _endcap, _listener, _what, where):
         self.zeroed += where == UNTOUCHED
         force_n = PoseRequest(self.grams).load_n() / GAIN if self.grams else np.zeros(3)
         return Rest(np.concatenate([force_n, np.zeros(3)]), 0.05**2 * np.eye(6), 0.0, 30)
@@ -144,8 +144,9 @@ def test_an_endcap_that_is_not_untouched_names_the_command_that_zeroes_it(monkey
     begin = listener.begin
     monkeypatch.setattr(listener, "begin", lambda: (begin(), [listener.put(each) for each in pressed()]))
     endcap = EndcapConfig("a", "http://bob:secret@10.0.0.7/", Path("a.npz"), 142.0, 9.6)
+    live = SimpleNamespace(pipeline=SimpleNamespace(endcap=endcap), health=SimpleNamespace(valid=True))
     with pytest.raises(WeighingError) as refused:
-        session._Guide(listener, None, None, print, session._again(endcap)).poses()
+        session._Guide(live, listener, None, None, print).poses()
     said = str(refused.value)
     assert "0.20 N (moved) while it should be untouched" in said and "secret" not in said
     assert said.endswith(

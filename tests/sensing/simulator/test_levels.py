@@ -170,7 +170,8 @@ def test_a_softer_silicone_is_the_same_press_in_other_newtons(simulator: Simulat
     assert np.allclose(other.wrench / ratio, hard.wrench, atol=1e-5 * 10 * 65)
 
 
-def test_a_press_that_ends_early_says_how_far_it_came(simulator, monkeypatch):
+@pytest.mark.parametrize(("most_n", "said"), [(12.0, "; solved to 10 N at a depth of 12.3 mm: give less"), (0.0, "")])
+def test_a_press_that_ends_early_says_how_far_it_came(simulator, most_n, said, monkeypatch):
     """Whoever asked for too much had to search the largest load by trial."""
 
     def answer(target: Target) -> SimpleNamespace:
@@ -179,10 +180,9 @@ def test_a_press_that_ends_early_says_how_far_it_came(simulator, monkeypatch):
         return SimpleNamespace(normal_n=target.normal_n, depth_mm=12.34)
 
     monkeypatch.setattr(Simulator, "_answers", lambda *_: answer)
-    for most_n, said in ((12.0, "; solved to 10 N at a depth of 12.3 mm: give less"), (0.0, "")):
-        with pytest.raises(Refusal) as refused:
-            simulator.press(50.0)
-        assert str(refused.value) == f"range: depth_mm=51.6 over 0.6 R{said}" and refused.value.reason == "range"
+    with pytest.raises(Refusal) as refused:
+        simulator.press(50.0)
+    assert str(refused.value) == f"range: depth_mm=51.6 over 0.6 R{said}" and refused.value.reason == "range"
 
 
 def test_press_takes_the_bodies_and_the_interlock_as_data_does(monkeypatch: pytest.MonkeyPatch) -> None:

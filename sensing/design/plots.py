@@ -25,8 +25,7 @@ def load_curves(study: Study) -> str:
             axis.plot([0, *curve.depth_mm], [0, *column], label=label)
     safe_n, why = study.safe
     axes[0].axhline(safe_n, color="0.4", lw=1, ls="--")
-    axes[0].annotate(f"safe: {safe_n:.3g} N ({why})", (0.98, safe_n), xycoords=("axes fraction", "data"),
-                     va="top", ha="right", fontsize=8)  # fmt: skip
+    axes[0].set_title(f"dashed: safe, {safe_n:.3g} N ({why})", size=9)  # beside the line the curves would cross it
     for axis, text in zip(axes, ("normal force, N", "patch, mm²", "largest strain, %"), strict=True):
         axis.set(xlabel="depth, mm", ylabel=text)
         axis.set_ylim(bottom=0)

@@ -145,16 +145,16 @@ class Simulator:
         friction = float(scene.pop("friction", 0.5))
         steps = max(1, round(normal_n / (STEP_N * min(1.0, LoadScale.of(self.geometry, self.law.shear_mpa).force))))
         targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
-        if any(shift_mm):
-            targets.append(Target(normal_n=normal_n, shift_mm=shift_mm))
+        targets += [Target(normal_n=normal_n, shift_mm=shift_mm)] if any(shift_mm) else []
+        states: list[SceneState] = []
         answer = self._answers(Scene(Indenter(tilt_deg, **scene), friction), targets)
         for target in targets:
             try:
-                state = answer(target)
+                states.append(answer(target))
             except Refusal as refusal:  # a small body lies between the points of contact until it is pressed deeper
                 if refusal.reason != "mesh" or target.normal_n == normal_n:
-                    raise
-        return state
+                    raise validity.after(refusal, states[-1:]) from refusal
+        return states[-1]
 
     def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Answer:
         """A function from target to state, for a path that is not known beforehand; it never uses the library.

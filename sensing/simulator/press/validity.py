@@ -7,11 +7,14 @@ bonded rim it presses nodes that the model holds fixed, and the base that it wou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sensing.simulator.contact.friction import POINTS_PER_SIDE
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.state import Refusal, State
+from sensing.simulator.scene import SceneState
 from sensing.simulator.solid.element import face_rule, shape_quad
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.shell import ShellModel
@@ -46,6 +49,21 @@ def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[
             f"tangential travel of {travel:g} mm outside 0..{most:g} mm (2 R): a plane that has slid for some mm "
             "changes nothing any more, and any other body has left the dome; give less",
         )
+
+
+def after(refusal: Refusal, solved: Sequence[SceneState]) -> Refusal:
+    """The refusal of a press, with the load to which it was solved.
+
+    Args:
+        refusal: reason why the press ended.
+        solved: last state before it; empty where there is none.
+    """
+    if not solved:
+        return refusal
+    last, text = solved[-1], str(refusal).split(": ", 1)[1]
+    return Refusal(
+        refusal.reason, f"{text}; solved to {last.normal_n:.3g} N at a depth of {last.depth_mm:.3g} mm: give less"
+    )
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:

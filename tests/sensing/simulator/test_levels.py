@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -167,6 +168,21 @@ def test_a_softer_silicone_is_the_same_press_in_other_newtons(simulator: Simulat
     hard, other = simulator.press(10.0, 30.0), Simulator(GEOMETRY, soft, "draft", level=1).press(10.0 * ratio, 30.0)
     assert other.depth_mm == pytest.approx(hard.depth_mm, rel=1e-6)
     assert np.allclose(other.wrench / ratio, hard.wrench, atol=1e-5 * 10 * 65)
+
+
+@pytest.mark.parametrize(("most_n", "said"), [(12.0, "; solved to 10 N at a depth of 12.3 mm: give less"), (0.0, "")])
+def test_a_press_that_ends_early_says_how_far_it_came(simulator, most_n, said, monkeypatch):
+    """Whoever asked for too much had to search the largest load by trial."""
+
+    def answer(target: Target) -> SimpleNamespace:
+        if target.normal_n > most_n:
+            raise Refusal("range", "depth_mm=51.6 over 0.6 R")
+        return SimpleNamespace(normal_n=target.normal_n, depth_mm=12.34)
+
+    monkeypatch.setattr(Simulator, "_answers", lambda *_: answer)
+    with pytest.raises(Refusal) as refused:
+        simulator.press(50.0)
+    assert str(refused.value) == f"range: depth_mm=51.6 over 0.6 R{said}" and refused.value.reason == "range"
 
 
 def test_press_takes_the_bodies_and_the_interlock_as_data_does(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -94,8 +94,7 @@ class EndcapConfig:
         dots: ``released``, or dots of each ring from tip to equator (:mod:`cad.pattern`); empty for the released ones.
         dot_mm: diameter of a dot.
         lens: for which it was set up (:func:`cad.identity.label_of`); empty for that of this toolkit.
-        own_weight: of :data:`OWN_WEIGHT`: whether what the skin's own weight moves after a turn is taken out of the
-            dots' motion (:mod:`sensing.tracking.own_weight`).
+        own_weight: whether dots' motion by the skin's own weight is taken out (:mod:`sensing.tracking.own_weight`).
 
     Raises:
         ParameterError: a value of the wrong form, dots that do not fit, or a lens that this toolkit does not have.

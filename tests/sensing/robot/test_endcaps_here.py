@@ -22,7 +22,8 @@ def here_of(tmp_path, monkeypatch):
     def opened(names):
         file = tmp_path / "endcaps.toml"
         with camera() as address:
-            file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{address}"\n' for name in names))
+            base = address[:-1]  # a camera for each
+            file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{base}{name[-1]}"\n' for name in names))
             here = endcaps_here.EndcapsHere(file, ROBOT)
             monkeypatch.setattr(here._engine, "start", lambda: None)
             here.start()

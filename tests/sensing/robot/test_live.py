@@ -109,7 +109,8 @@ def test_cameras_of_this_computer_through_the_program(tmp_path, monkeypatch):
     participant, _owner = open_participant(DOMAIN + 60)
     with camera(pushes=[0] * 200 + [1.0] * 60) as address:
         file = tmp_path / "endcaps.toml"
-        file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{address}"\n' for name in NAMES))
+        base = address[:-1]  # a camera for each
+        file.write_text("".join(f'[[endcap]]\nname = "{name}"\nsource = "{base}{name[-1]}"\n' for name in NAMES))
         words = ["--live", "--endcaps", str(file), "--json", "--no-page", "--record", "run.mcap"]
         with program(*words, cli=ROBOT_CLI, cwd=tmp_path, stderr=(tmp_path / "said").open("w")) as process:
             publisher, found = Publisher(participant, wrenches=""), lines_of(process)

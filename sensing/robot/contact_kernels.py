@@ -16,7 +16,10 @@ LEAST_LEFT = 0.05  # least part of the friction that a torque about the normal l
 
 @numba.njit(**SHORT | {"fastmath": False})
 def line_of_action_slopes(wrench, radius, spin_lever):
-    """Point at which the line of action enters the sphere, and the friction in use there, with their slopes.
+    """Place on the sphere where a force and a couple about the normal are the wrench, with slopes.
+
+    With force F, torque t / R about the centre and outward normal n, a contact has t / R = n x F + (q / R) n. Its
+    product with F gives q as t.F / (n.F), its square an equation for (n.F)^2, and n solves the linear rest.
 
     Args:
         wrench: (6,) on the endcap about the sphere's centre, N and N m.
@@ -25,7 +28,7 @@ def line_of_action_slopes(wrench, radius, spin_lever):
 
     Returns:
         (7,) outward normal, push (N), tangential over normal force, coefficient of friction that this and the torque
-        about the normal need, that torque over the push (m); (7, 6) slopes after the wrench.
+        about the normal need, that torque over the push (m); (7, 6) slopes by the wrench.
     """
     moved, slopes = wrench.copy(), np.empty((7, 6))
     value = _place(moved, radius, spin_lever)
@@ -48,15 +51,18 @@ def _place(wrench, radius, spin_lever):
     square = fx * fx + fy * fy + fz * fz
     if not square > 0.0:
         return found
-    footx, footy, footz = (fy * tz - fz * ty) / square, (fz * tx - fx * tz) / square, (fx * ty - fy * tx) / square
-    back = math.sqrt(max(radius * radius - footx * footx - footy * footy - footz * footz, 0.0) / square)
-    nx, ny, nz = footx - back * fx, footy - back * fy, footz - back * fz
+    tx, ty, tz = tx / radius, ty / radius, tz / radius
+    along, excess = fx * tx + fy * ty + fz * tz, square - tx * tx - ty * ty - tz * tz
+    push = math.sqrt(max(0.5 * (excess + math.hypot(excess, 2.0 * along)), 1e-30 * square))
+    twist = -along / push
+    nx = twist * tx + fy * tz - fz * ty - push * fx
+    ny = twist * ty + fz * tx - fx * tz - push * fy
+    nz = twist * tz + fx * ty - fy * tx - push * fz
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
-    push = -(fx * nx + fy * ny + fz * nz)
     found[0], found[1], found[2], found[3] = nx, ny, nz, push
     if push > 0.0:
-        found[6] = abs(tx * nx + ty * ny + tz * nz) / push
+        found[6] = radius * abs(twist) / push
         found[4] = math.sqrt(max(square - push * push, 0.0)) / push
         found[5] = found[4] / math.sqrt(max(1.0 - (found[6] / spin_lever) ** 2, LEAST_LEFT))
     return found

@@ -72,7 +72,7 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
         return release(state, endcap, layout)
     state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
     variance = np.full(3, settings.bit_sd_m**2)
-    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3))
+    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)))
     if not state.anchored[endcap] or since > LONGEST_GAP_S:
         return _begin(state, endcap, centre, variance, layout)
     at = layout.anchor(endcap)
@@ -93,9 +93,10 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
         )
     centre = dome_centre(state, endcap, contact, layout, settings)
     axes = axes_about(state.normal[endcap])
-    loads = axes @ (state.turn[bar] @ (centre.lever_m - layout.endcap_lever[endcap]))
     stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
-    variance = stays * (settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2)
+    variance = stays * _variance_of_place(
+        axes @ state.turn[bar], contact, centre, layout.endcap_lever[endcap], settings
+    )
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         return _begin(state, endcap, centre, variance, layout)
@@ -119,6 +120,13 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, centre, axes, variance, layout)
+
+
+def _variance_of_place(turn: Array, contact: Contact, centre: DomeCentre, lever_m: Array, settings: Settings) -> Array:
+    """(3,) variance of the place of a contact along the rows of ``turn`` (3, 3), bar axes; lever without load (3,)."""
+    loads = turn @ (centre.lever_m - lever_m)
+    noise = settings.compliance_m_n**2 * np.einsum("ij,jk,ik->i", turn, contact.force_covariance, turn)
+    return np.asarray(settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2 + noise)
 
 
 def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:

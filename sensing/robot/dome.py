@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sensing.robot.contact import Contact
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import point_slopes
@@ -20,10 +22,12 @@ class DomeCentre:
     Attributes:
         lever_m: (3,) from the bar's reference point, bar axes, m.
         softens_m: (3,) derivative of the lever by the softness, m.
+        late_s: (3, 3) derivative of the centre by the velocity of the bar, world axes, s.
     """
 
     lever_m: Array
     softens_m: Array
+    late_s: Array
 
 
 def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, settings: Settings) -> DomeCentre:
@@ -44,24 +48,28 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     arm = state.turn[bar] @ lever
     leaves = float((state.velocity[bar] + cross(world_rate(state, bar), arm)) @ normal)
     late = settings.yield_delay_s * leaves * (normal @ state.turn[bar])
-    return DomeCentre(lever + (1 + state.softness[0]) * yields + late, yields)
+    late_s = settings.yield_delay_s * np.outer(normal, normal)
+    return DomeCentre(lever + (1 + state.softness[0]) * yields + late, yields, late_s)
 
 
 def unloaded(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
     """Position of the centre of an unloaded dome in the world.
 
     Args:
-        state: poses of the bars.
+        state: poses of the bars, and the contact's normal.
         endcap: number of the endcap.
         centre: centre of its sphere in the bar.
         layout: indices of the robot.
 
     Returns:
-        (3,) m, world; (3, N) slopes of its error, without the rotation of the leading bar.
+        (3,) m, world; (3, N) slopes of its error, without the rotation of the leading bar. That by the softness is
+        along the normal only: across it, a slip moves the dome against the friction force, as stiffer domes would.
     """
     bar = int(layout.endcap_bar[endcap])
     point, slopes = point_slopes(state.turn, state.place, bar, centre.lever_m, layout.leader, layout.size)
     # not of the anchor, so that a rotation about the vertical changes nothing, noise included
     slopes[:, layout.turn(layout.leader)] -= minus_cross(point)
-    slopes[:, layout.softness] = state.turn[bar] @ centre.softens_m
+    slopes[:, layout.velocity(bar)] += centre.late_s
+    normal = state.normal[endcap]
+    slopes[:, layout.softness] = normal * float(normal @ (state.turn[bar] @ centre.softens_m))
     return point, slopes

@@ -52,6 +52,22 @@ def test_a_few_impossible_numbers_change_nothing_and_are_named(case):
     estimate_text(estimate)
 
 
+def test_a_spike_of_a_force_under_which_no_dome_yields_changes_no_softness():
+    estimators = []
+    for spike_n in (np.nan, 900.0):
+        estimator = RobotEstimator(ROBOT)
+        for sample in SAMPLES:
+            if isinstance(sample, FootSample) and sample.touching and 1.695 < sample.time_s < 1.72:
+                wrench = np.array([*sample.force_n, *sample.torque_nm])
+                wrench *= spike_n / np.linalg.norm(sample.force_n)
+                sample = replace(sample, force_n=wrench[:3], torque_nm=wrench[3:])
+            feed(estimator, [sample])
+        estimators.append(estimator.state())
+    missing, spiked = estimators
+    assert spiked.softness == missing.softness and abs(spiked.softness) < 0.2
+    assert spiked.centre_of_mass_m == pytest.approx(missing.centre_of_mass_m, abs=1e-9)
+
+
 def test_one_impossible_length_counts_as_missing():
     taken = []
     for value in (np.nan, np.inf, -0.5, 540.0):

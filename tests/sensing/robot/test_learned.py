@@ -51,7 +51,7 @@ def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloade
     estimator = RobotEstimator(ROBOT, assumed)
     feed(estimator, [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=1)])
     found, true = estimator.state(), 1 / compliance - 1
-    assert found.softness_sd < 0.3 * assumed.softness_sd
+    assert found.softness_sd < 0.4 * assumed.softness_sd
     assert abs(found.softness - true) < 3 * found.softness_sd
 
 
@@ -94,13 +94,13 @@ def test_a_robot_that_stands_does_not_come_to_know_its_softness_worse_than_at_fi
     assert found.softness_sd < 1.01 * settings.softness_sd and abs(found.softness) < 3 * settings.softness_sd
 
 
-@pytest.mark.parametrize(("noise_n", "said"), [(0.1, False), (2.0, True)])
-def test_a_softness_that_is_noise_of_the_forces_is_said(noise_n, said):
-    """The filter takes a force's error for a stiffer dome, which it then states to be surely so."""
+@pytest.mark.parametrize(("noise_n", "stated_n", "said"), [(0.1, 0.1, False), (5.0, 5.0, False), (5.0, 0.1, True)])
+def test_a_softness_that_is_noise_of_the_forces_is_said_where_the_wrenches_do_not_state_it(noise_n, stated_n, said):
+    """The filter takes a force's error for a stiffer dome, and is sure of it where the error is not stated."""
     rng, estimator = np.random.default_rng(0), RobotEstimator(ROBOT)
     for sample in standing_samples(ROBOT, 5.0)[1]:
         if isinstance(sample, FootSample):
-            stated = np.diag([0.01 + noise_n**2] * 3 + [25e-6] * 3)
+            stated = np.diag([0.01 + stated_n**2] * 3 + [25e-6] * 3)
             sample = replace(sample, force_n=sample.force_n + rng.normal(0, noise_n, 3), covariance=stated)
         feed(estimator, [sample])
     found = estimator.state()

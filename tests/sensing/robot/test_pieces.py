@@ -50,6 +50,32 @@ def test_deviations_of_a_contact_are_those_of_drawn_wrenches():
     assert contact_of(flagged, 0, LAYOUT, Settings()).normal_sd == pytest.approx(np.sqrt(2) * found.normal_sd)
 
 
+@pytest.mark.parametrize("spin_m", [-0.008, 0.0, 0.008])
+def test_the_normal_of_a_contact_that_pivots_under_load_is_that_of_its_place(spin_m):
+    """Friction about the normal is a couple, which moves the line of action away from the contact."""
+    radius, height = LAYOUT.radius_m[0], LAYOUT.centre_height_m[0]
+    normal, along = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])  # out of the endcap; of the friction force
+    force = -40.0 * normal + 16.0 * along
+    torque = np.cross(height * np.array([0.0, 0.0, 1.0]) + radius * normal, force) + 40.0 * spin_m * normal
+    found = contact_of(
+        FootSample(0.0, ROBOT.endcaps[0].name, force, torque, np.eye(6) * 1e-4, True), 0, LAYOUT, Settings()
+    )
+    assert found.normal == pytest.approx(LAYOUT.endcap_turn[0] @ normal, abs=1e-9)
+    assert (found.push_n, found.ratio, found.spin_m) == pytest.approx((40.0, 0.4, abs(spin_m)))
+
+
+def test_an_error_of_a_force_is_an_error_of_the_yielding():
+    """The anchor of a contact whose forces are noisy is known less well."""
+    spreads = []
+    for sd_n in (0.1, 20.0):
+        estimator = RobotEstimator(ROBOT)
+        for sample in standing_samples(ROBOT, 2.0, rate_hz=100.0)[1]:
+            stated = np.diag([sd_n**2] * 3 + [25e-6] * 3)
+            feed(estimator, [replace(sample, covariance=stated) if isinstance(sample, FootSample) else sample])
+        spreads.append(float(np.trace(estimator.state().centre_of_mass_covariance)))
+    assert spreads[1] > 1.5 * spreads[0]
+
+
 def test_a_pose_that_is_held_becomes_as_doubtful_in_one_step_as_in_many():
     once, often = empty_state(LAYOUT, 0.0), empty_state(LAYOUT, 0.0)
     hold(once, 2.0, LAYOUT)

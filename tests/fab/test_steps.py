@@ -219,5 +219,7 @@ def test_blanks_of_the_lines_are_known():
     layout = MoldLayout(EndcapParams(99.0, 6.5))
     blanks = {m[1] for step in all_steps(layout, ways(layout)) for line in step.lines for m in BLANK.finditer(line)}
     volumes = {"beyond_ml", "room_ml", "leak_ml"}
-    numbers = {"part_a_g", "part_b_g", "poured_g", "fill_depth_mm", "cure_h", "pot_life_min", *volumes}
-    assert blanks <= {"screws", "degas", "robot", "robot_fixing"} | numbers
+    lifts = {"lift_n", "lift_kg", "reach_mm"}
+    masses = {"part_a_g", "part_b_g", "poured_g", "left_g"}
+    numbers = {"fill_depth_mm", "cure_h", "pot_life_min", *masses, *lifts, *volumes}
+    assert blanks <= {"screws", "count", "degas", "robot", "robot_fixing"} | numbers

@@ -112,9 +112,9 @@ def _opened(layout: MoldLayout) -> tuple[Step, ...]:
             "demold",
             "Bolts out, bowl off",
             (
-                "Cut the tape on the bowl and take the rubber band off. Take the six bolts out.",
-                "Turn the mold over onto the hanger. Draw the bowl's segments off upward, one by one, straight away "
-                "from the collar.",
+                "Take the six bolts out. Hold bowl and hanger together, and turn the mold over onto the hanger.",
+                "Cut the tape on the bowl and take the rubber band off. Draw the segments off upward, one by one, "
+                "straight away from the collar.",
             ),
             one_by_one(BOWL, to_dome, (*UPPER, "shell"), False),
             False,

@@ -179,7 +179,7 @@ def test_what_a_step_needs_stands_in_it(size):
     assert f"lost {data.recipe.poured_g:.0f} g" in blocks["Pour"]
     assert "kg on the middle of the hanger" in blocks["Lower the upper half"]
     assert "Take the weight off" in blocks["Close, and look at the wells"]
-    assert "Turn the mold over onto the hanger" in blocks["Bolts out, bowl off"]
+    assert "turn the mold over onto the hanger" in blocks["Bolts out, bowl off"]
     driven = sum(len(f.joint.places) for f in data.fits if f.joint.name.startswith("hanger_to"))
     assert f"{driven} screws want a dome that lies still" in blocks["Hanger off"]
 

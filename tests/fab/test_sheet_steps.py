@@ -103,7 +103,8 @@ def test_core_tape_and_coupon_are_named_before_the_step_that_is_too_late_for_the
     layout = MoldLayout(PARAMS)
     data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
     opening = next(step for step in cast_steps(layout, dict.fromkeys(REMOVAL_ORDER, ())) if step.key == "bowl_off")
-    assert "grit 240" in casting(data)[1].text and opening.lines[0].startswith("Cut the tape")
+    tape = opening.lines[1]
+    assert "grit 240" in casting(data)[1].text and tape.startswith("Cut the tape") and "Draw the segments off" in tape
     assert "First the fit coupon" in prints(data)[1].text and "Not sliced yet" in prints(data)[-1].text
 
 

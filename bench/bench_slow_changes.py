@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -205,10 +205,9 @@ def rows_of(change: Change, model: LiveModel) -> list[dict[str, object]]:
     return rows
 
 
-def _largest(values: object) -> float:
+def _largest(values: Iterable[float]) -> float:
     """Of those with a number; NaN where none has one."""
-    known = [float(value) for value in values if np.isfinite(value)]  # type: ignore[attr-defined]
-    return max(known, default=float("nan"))
+    return max((float(value) for value in values if np.isfinite(value)), default=float("nan"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

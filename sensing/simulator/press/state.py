@@ -23,11 +23,12 @@ class Refusal(EndcapError):
     Attributes:
         reason: ``path`` (a path that the model does not cover), ``unconverged``, ``unstable`` (no stable equilibrium
             under this control), ``range`` (past the model's validity), ``mesh`` (too coarse to resolve this body).
+        text: the message without that word.
     """
 
     def __init__(self, reason: str, message: str) -> None:
         super().__init__(f"{reason}: {message}")
-        self.reason = reason
+        self.reason, self.text = reason, message
 
 
 @dataclass(frozen=True)

@@ -60,10 +60,9 @@ def after(refusal: Refusal, solved: Sequence[SceneState]) -> Refusal:
     """
     if not solved:
         return refusal
-    last, text = solved[-1], str(refusal).split(": ", 1)[1]
-    return Refusal(
-        refusal.reason, f"{text}; solved to {last.normal_n:.3g} N at a depth of {last.depth_mm:.3g} mm: give less"
-    )
+    last = solved[-1]
+    reached = f"solved to {last.normal_n:.3g} N at a depth of {last.depth_mm:.3g} mm: give less"
+    return Refusal(refusal.reason, f"{refusal.text}; {reached}")
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:

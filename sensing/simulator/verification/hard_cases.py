@@ -119,8 +119,7 @@ def run_case(case: HardCase, density: MeshDensity | str = "data") -> Outcome:
         try:
             state = press.advance(state, target)
         except Refusal as refusal:
-            text = str(refusal).split(": ", 1)[1]
-            return Outcome(case.name, f"refused: {refusal.reason}", f"after {reached}: {text}")
+            return Outcome(case.name, f"refused: {refusal.reason}", f"after {reached}: {refusal.text}")
         wrong = _wrong(state)
         if wrong:
             return Outcome(case.name, f"WRONG: {wrong}", f"at {target}")

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from long_cases import others_long
+from rendered_dome import rendered
 
 from cad.params import EndcapParams
 from sensing.calibrate import main as calibrate_main
@@ -32,14 +33,9 @@ PARAMS = EndcapParams(130, 8)
 Fault = Callable[[Image], Image]
 
 
-def rendered(params: EndcapParams) -> Image:
-    settings = RenderSettings(seed=31).at_level("draft")
-    return DomeRenderer(params, nominal_mount(params), settings).render().image_bgr
-
-
 @pytest.fixture(scope="module")
 def picture() -> Image:
-    return rendered(PARAMS)
+    return rendered(PARAMS, "draft")
 
 
 def covered(rows: slice, columns: slice, gray: float | None = None) -> Fault:
@@ -90,7 +86,7 @@ OTHERS = others_long([(100.0, 8.0, 4.0), (250.0, 8.0, 2.9), (250.0, 10.0, 4.0), 
 def test_a_healthy_picture_of_any_design_has_no_doubt(diameter_mm, wall_mm, dot_mm) -> None:
     rings = (1, 6, 10, 14) if dot_mm == 6.0 else EndcapParams.dot_rings
     params = EndcapParams(diameter_mm, wall_mm, dot_rings=rings, dot_mm=dot_mm)
-    image = rendered(params)
+    image = rendered(params, "draft")
     dots = DotTracker(frame_of(image), params=params).reference_px
     assert picture_doubts(image, dots, params, nominal_mount(params)) == {}
 
@@ -143,7 +139,7 @@ def test_calibrating_on_a_pressed_dome_warns(tmp_path, capsys) -> None:
 def test_paint_by_hand_is_no_press_at_any_diameter(diameter_mm) -> None:
     """The same scatter in mm is 4.3, 2.1 and 1 px."""
     params = EndcapParams(diameter_mm, 6.5 if diameter_mm < 100 else 10.0)
-    image = rendered(params)
+    image = rendered(params, "draft")
     dots = find_blobs(image, params)[0]
     most_px = calibrate_from_dots(dots, params, (640, 480)).most_px
     assert 0.4 < most_px / most_misplaced_px(params) < 0.9

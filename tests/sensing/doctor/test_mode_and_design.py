@@ -2,26 +2,19 @@
 
 import cv2
 import pytest
+from rendered_dome import rendered
 
 from cad.params import EndcapParams
-from sensing.camera.nominal import nominal_mount
 from sensing.doctor.finding import Finding, Verdict
 from sensing.doctor.picture import picture_findings
 from sensing.records import Image
-from sensing.simulator.render.dome import DomeRenderer
-from sensing.simulator.render.settings import RenderSettings
 
 PARAMS = EndcapParams(142.0, 9.6)
 
 
-def rendered(params: EndcapParams) -> Image:
-    settings = RenderSettings(seed=31).at_level("data")
-    return DomeRenderer(params, nominal_mount(params), settings).render().image_bgr
-
-
 @pytest.fixture(scope="module")
 def own() -> Image:
-    return rendered(PARAMS)
+    return rendered(PARAMS, "data")
 
 
 def findings(picture: Image, params: EndcapParams = PARAMS) -> dict[str, Finding]:

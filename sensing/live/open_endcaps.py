@@ -9,7 +9,7 @@ from cad.errors import FileError, ParameterError
 from sensing.live.core.config import EndcapConfig, LiveConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
-from sensing.live.core.model import LiveModel, load_model, weights_in_use
+from sensing.live.core.model import LiveModel, load_model, require_reachable, weights_in_use
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.demo.scene import SceneSource, scene_number
 from sensing.sources.camera import CameraConfig
@@ -30,12 +30,13 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
         models: model of an endcap; None for that of the configuration.
 
     Raises:
-        EndcapError: a source, reference, model or file that cannot be used.
+        EndcapError: a source, reference, model, threshold or file that cannot be used.
     """
     models = models or configured_models(config)
     endcaps = []
     for number, endcap in enumerate(config.endcaps):
         model = models(endcap)  # before the feed: the first start of the simulated robot renders for some time
+        require_reachable(model, endcap)
         zero = None if endcap.zero is None else load_zero(endcap.zero, endcap.identity)
         feed, live = open_feed(endcap, speed)
         pipeline = EndcapPipeline(endcap, model, zero, number, ZERO_FRAMES if live else 1)

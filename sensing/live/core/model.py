@@ -6,6 +6,7 @@ checkpoint is the authors' and has to be given. Forces in N; wrenches about the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -67,6 +68,13 @@ class LiveModel:
 
         return load_scale_of(self.estimator)
 
+    @property
+    def most_n(self) -> float:
+        """Largest force that trained weights know, N; infinite of other estimators and of weights that do not say it."""
+        from sensing.wrench.model import WrenchModel
+
+        return self.estimator.range.force_n if isinstance(self.estimator, WrenchModel) else math.inf
+
     def threshold(self, on_n: float = 0.0, off_n: float = 0.0, gain: float = 1.0) -> ContactThreshold:
         """Contact threshold: the one given, or for 0 a force above the model's own answer at rest.
 
@@ -79,6 +87,26 @@ class LiveModel:
             return ContactThreshold(on_n, off_n or on_n * RELEASE_N / CONTACT_N, float("nan"), 0.0, True)
         on_n, off_n = (gain * (self.rest_n + force_n * self.load_scale) for force_n in (CONTACT_N, RELEASE_N))
         return ContactThreshold(on_n, off_n, float("nan"), 0.0, True)
+
+
+def require_reachable(model: LiveModel, endcap: EndcapConfig) -> None:
+    """Refuse a contact threshold beyond all forces that an endcap's model answers: millinewtons, perhaps.
+
+    Args:
+        model: a model that answers for the endcap.
+        endcap: with its threshold and gain.
+
+    Raises:
+        ParameterError: contact would never begin.
+    """
+    most_n = endcap.gain * model.most_n
+    if endcap.contact_on_n >= most_n:
+        raise ParameterError(
+            f"contact_on_n={endcap.contact_on_n:g} of {endcap.name}: its weights know forces to {most_n:.3g} N, so "
+            "contact would never begin: give newtons, or 0 for the model's own",
+            name="contact_on_n",
+            value=endcap.contact_on_n,
+        )
 
 
 def other_silicone(model: LiveModel, endcap: EndcapConfig) -> str:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from live_stand_in import film, frames
 
+from cad.errors import ParameterError
 from cad.identity import identity
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import setup
 from sensing.live.core.config import KEPT, EndcapConfig
 from sensing.live.core.load_watch import LoadWatch
-from sensing.live.core.model import CONTACT_N, live_model
+from sensing.live.core.model import CONTACT_N, live_model, require_reachable
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import ShearField
 from sensing.simulator.similarity.ratios import LoadScale
@@ -83,6 +84,15 @@ def test_a_gain_scales_the_force_at_which_contact_begins(hard):
     model = live_model("default", hard, hard.shape)
     assert model.threshold(gain=0.1).on_n == pytest.approx(0.1 * CONTACT_N)
     assert model.threshold(0.9).off_n == pytest.approx(0.54)  # contact_on_n alone: below 0 it would never end
+
+
+def test_a_contact_threshold_beyond_all_that_the_weights_know_is_refused(hard):
+    """500 mN written as newtons: contact would never begin."""
+    model, most_n = live_model("default", hard, hard.shape), hard.range.force_n
+    for gain in (1.0, 0.06):
+        require_reachable(model, EndcapConfig("left", "0", contact_on_n=0.9 * gain * most_n, gain=gain))
+        with pytest.raises(ParameterError, match="of left: its weights know forces to .* give newtons"):
+            require_reachable(model, EndcapConfig("left", "0", contact_on_n=1.1 * gain * most_n, gain=gain))
 
 
 def test_a_contact_beside_the_covered_angles_is_flagged_however_soft_the_dome(hard, soft):

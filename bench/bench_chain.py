@@ -1,15 +1,15 @@
-"""Does every command of the workshop take every design? Designs drawn at random go through molds, slice, sheet and ring.
+"""Does every command of the workshop take every design? Random designs go through molds, slice, sheet and ring.
 
-    python bench/bench_chain.py                  eight designs more, about five minutes each; needs PrusaSlicer and KiCad
+    python bench/bench_chain.py                  eight designs more, five minutes each; needs PrusaSlicer
     python bench/bench_chain.py --count 2 --seed 7
     python bench/bench_chain.py --look DIR       keeps the folders there, to be looked at
 
-A design is a size from the whole region, a silicone, a robot's side and a printer that can make it; every other one has
-a joint clearance and every other one dots and gyroid of its own. Each command is the user's, in a folder and with a cache
-of its own. Appends a row a design to chain.csv beside this file as it ends: what was typed, seconds of each command,
-numbers of files, plates and pages, and what was wrong: a command that did not end with status 0, an STL that trimesh
-reads as open, a page without its model, a command in the sheet that does not name the design. Ends with status 1 where
-something was.
+A design is a size from the whole region, a silicone, a robot's side and a printer that can make it; every other one
+has dots and gyroid of its own, and half of them a joint clearance. Each command is the user's, with a cache of its own.
+Appends a row a design to chain.csv beside this file as it ends: what was typed, seconds of each command, numbers of
+files, plates and pages of the sheet, and what was wrong: a command that did not end with status 0, an STL that trimesh
+reads as open, a page or an assembly of next to no bytes, a command in the sheet that does not name the size. Ends with
+status 1 where something was.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = Path(__file__).with_name("chain.csv")
 COMMANDS = {"molds": "fab.molds", "slice": "fab.slice", "sheet": "fab.build_sheet", "ring": "fab.led_ring"}
 HEADER = ("seed", "typed", *(f"{name}_s" for name in COMMANDS), "files", "plates", "pages", "wrong")
-PAGE = re.compile(rb"/Type /Page\b")  # an object of the PDF
-SIZED = re.compile(r"make (?:molds|slice|sheet|ring|train|live|study|endcap|data)\b[^<\n]*")
+PAGE = re.compile(rb"/Type\s*/Page\b")  # an object of the PDF
+SIZED = re.compile(r">(make (?:molds|slice|sheet|ring|train|live|study|endcap|data)\b[^<\n]*)")  # a line of its own
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from picture_faults import FAULTS, STAYS, Fault, Rng
 
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading

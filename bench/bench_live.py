@@ -35,7 +35,8 @@ from live_table import TABLE, draw, save
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel, load_model

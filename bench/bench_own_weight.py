@@ -30,7 +30,8 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import pattern_points
 from sensing.camera.mount import rotation_matrix
 from sensing.camera.nominal import nominal_mount
-from sensing.live.core.config import OWN_WEIGHT, EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import OWN_WEIGHT, EndcapConfig
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.endcap import Endcap

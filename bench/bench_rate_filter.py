@@ -20,7 +20,7 @@ import numpy as np
 from pressed_films import Film, Recipe, pressed_film
 
 from cad.materials import silicone
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Wrench

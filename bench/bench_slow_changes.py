@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading

@@ -19,7 +19,8 @@ from pressed_films import Film, Recipe, pressed_film
 from cad.materials import silicone
 from sensing import weigh
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.core.reading import EndcapReading

@@ -26,7 +26,7 @@ from cad.whole_file import make_folder
 from sensing.calibration.dots import find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.decode import decode_bgr
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading

@@ -28,7 +28,8 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.arguments import number, silicone_name
-from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
+from sensing.live.core.config import LiveConfig, known_models
+from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.live.core.endcaps_file import next_words, save_config
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference

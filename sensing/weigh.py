@@ -18,8 +18,9 @@ from cad.extras import program
 from cad.messages import LOG, show
 from cad.whole_file import require_place
 from sensing.arguments import number
-from sensing.live.core.config import EndcapConfig, LiveConfig, chosen_endcap
+from sensing.live.core.config import LiveConfig, chosen_endcap
 from sensing.live.core.config_entries import change_entries
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import live_command, load_config
 from sensing.live.core.model import LiveModel
 from sensing.live.core.warm_up import warm_up

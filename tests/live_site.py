@@ -12,7 +12,8 @@ import numpy as np
 from live_stand_in import PATIENCE_S, endless, film, pipeline, wait_for
 from websockets.asyncio.client import connect
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, live_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Frame, ShearField, Wrench

@@ -22,7 +22,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import transient
 from sensing.evaluation.place_errors import place_errors
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.live.core.config import EndcapConfig, dots_of
+from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading

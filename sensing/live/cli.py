@@ -16,7 +16,8 @@ from cad.extras import program
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from sensing.arguments import number, port, silicone_name, whole
-from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of, known_models
+from sensing.live.core.config import LiveConfig, known_models
+from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.model import known_weights, weights_in_use
 from sensing.live.ending import LOST, Stop

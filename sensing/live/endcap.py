@@ -22,7 +22,8 @@ from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG
 from cad.pattern import RELEASED_DOT_MM
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel
@@ -188,7 +189,7 @@ def open_endcap(
     Args:
         source: camera number, http address, video, folder of pictures, or ``scene:0`` to ``scene:5``.
         zero: reference file; None to take the first frames (for a file: the first picture).
-        diameter_mm, wall_mm, dots, dot_mm: the design (:class:`sensing.live.core.config.EndcapConfig`).
+        diameter_mm, wall_mm, dots, dot_mm: the design (:class:`sensing.live.core.endcap_config.EndcapConfig`).
         silicone: row of cad/materials.csv that it is cast of.
         rate_hz: frames a second asked of a camera, 0 for 30; pictures a second of a folder, 0 for one.
         model: what estimates the wrench; None for the one that ships.

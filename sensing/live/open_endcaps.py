@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable
 
 from cad.errors import FileError, ParameterError
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Feed, FileFeed, Pace
 from sensing.live.core.model import LiveModel, load_model, require_reachable, weights_in_use

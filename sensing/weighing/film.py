@@ -16,7 +16,7 @@ from pathlib import Path
 from cad.errors import FileError
 from cad.identity import require_same
 from cad.messages import transient
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading

@@ -16,8 +16,9 @@ import numpy as np
 
 from cad.errors import FileError, ParameterError
 from cad.plain_numbers import is_plain
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.config_entries import change_entries
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel
 from sensing.live.core.robot import unplaced
 from sensing.live.open_endcaps import Models, configured_models

@@ -19,7 +19,7 @@ import numpy as np
 from cad.errors import EndcapError, ParameterError
 from cad.messages import transient
 from sensing.calibration.command_for import zero_command
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.first_reference import without_reference
 from sensing.live.core.reading import EndcapReading

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from typing import Any
 
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 
 
 def gain_entries(endcap: EndcapConfig, gain: float, sd: float, digest: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from sensing.frames import (
     wrench_adjoint,
     wrench_in,
 )
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.records import Wrench
 
 numbers = st.floats(-50, 50)

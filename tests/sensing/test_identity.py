@@ -14,7 +14,8 @@ from sensing.camera.nominal import nominal_mount
 from sensing.frames import FtMount
 from sensing.learning.contenders import read_all
 from sensing.learning.samples import read_samples
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.open_endcaps import configured_models
 from sensing.live.outputs.recorded_config import about, parsed

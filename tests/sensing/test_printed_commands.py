@@ -25,7 +25,7 @@ from sensing.design.page import study_page
 from sensing.design.pressed import Study
 from sensing.design.prints import sliced_prints
 from sensing.live.core.camera_check import _advice
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import live_command
 from sensing.robot.node.replay import Recording
 from sensing.sources.drawn import Drawing, draw_dots

@@ -22,7 +22,7 @@ from sensing.calibration.rest_picture import pattern_dots, picture_doubts
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput

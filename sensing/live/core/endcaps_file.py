@@ -15,7 +15,8 @@ import numpy as np
 from cad.errors import FileError, ParameterError, printable
 from cad.whole_file import replace_file
 from sensing.interpreter import typed_command
-from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig, one_each
+from sensing.live.core.endcap_config import OF_BEFORE, EndcapConfig
 from sensing.wrench.relaxation import MOST_TERMS
 
 TEXTS = (
@@ -76,8 +77,7 @@ def _require_apart(path: Path, endcaps: Sequence[EndcapConfig]) -> None:
         other = seen.setdefault(endcap.source, endcap.name)
         if other != endcap.name and endcap.source.startswith("http"):
             raise ParameterError(
-                f"{path}: {other} and {endcap.name} have the same source, {endcap.source}: one camera sees one "
-                "endcap, and a sum of forces would count it twice: give each its own address, or leave one out",
+                f"{path}: {other} and {endcap.name} have the same source, {endcap.source}: {one_each('address')}",
                 name="source",
             )
     reaches_mm = [float(np.linalg.norm(endcap.T_robot_endcap[:3, 3])) for endcap in endcaps]

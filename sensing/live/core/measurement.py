@@ -19,7 +19,7 @@ from cad.materials import silicone
 from sensing.decode import FrameError, decode_gray
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.camera_check import CameraCheck
-from sensing.live.core.config import SUBTRACTED, EndcapConfig
+from sensing.live.core.endcap_config import SUBTRACTED, EndcapConfig
 from sensing.live.core.gate import DISTURBED, UNCONFIRMED, Gate, Verdict, likeness, small_picture
 from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.load_watch import FLAG as ZEROED_UNDER_LOAD

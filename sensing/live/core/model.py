@@ -19,7 +19,8 @@ from cad.errors import FileError, ParameterError
 from cad.identity import differing, name_of
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.records import ShearField, Wrench
 from sensing.wrench.contact import ContactThreshold
 from sensing.wrench.weight_files import find_weights
@@ -70,7 +71,7 @@ class LiveModel:
 
     @property
     def most_n(self) -> float:
-        """Largest force that trained weights know, N; infinite of other estimators and of weights that do not say it."""
+        """Largest force that trained weights know, N; infinite of other estimators, and where weights do not say it."""
         from sensing.wrench.model import WrenchModel
 
         return self.estimator.range.force_n if isinstance(self.estimator, WrenchModel) else math.inf

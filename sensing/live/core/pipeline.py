@@ -20,7 +20,7 @@ from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import sized
 from sensing.live.core.camera_check import CameraCheck, paint_tracker
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel

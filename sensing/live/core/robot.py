@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sensing.frames import Array
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.reading import EndcapReading
 
 STANDING = 3  # endcaps that carry the whole robot

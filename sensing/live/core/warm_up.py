@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cad.messages import announced
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.model import LiveModel
 from sensing.live.core.reference import Reference

@@ -19,7 +19,8 @@ from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig, LiveConfig, dots_of
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.records import Frame
 
 SIZE = (640, 480)

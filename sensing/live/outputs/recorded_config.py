@@ -16,7 +16,8 @@ from typing import Any
 
 from cad.errors import FileError, printable
 from cad.whole_file import replace_file
-from sensing.live.core.config import OF_BEFORE, EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import OF_BEFORE, EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.core.seen import Pictures
 

@@ -18,7 +18,7 @@ from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.calibration.rest_picture import picture_doubts
 from sensing.camera.nominal import nominal_mount
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.state import Event

@@ -20,7 +20,7 @@ from sensing import train
 from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.fit_config import FitConfig
 from sensing.live import cli
-from sensing.live.core.config import EndcapConfig, dots_of
+from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.live.core.model import known_weights, load_model
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.weight_files import command_for, find_weights, weights_folder, weights_name

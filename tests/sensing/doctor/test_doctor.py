@@ -18,7 +18,8 @@ from sensing.doctor.examine import examine, take_live
 from sensing.doctor.finding import Verdict
 from sensing.doctor.picture import picture_findings
 from sensing.doctor.stream import stream_findings
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.ros_types import picture_bytes

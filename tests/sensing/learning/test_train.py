@@ -14,7 +14,7 @@ from cad.identity import identity
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import LabelledSet
 from sensing.tracking.zero import single_zero

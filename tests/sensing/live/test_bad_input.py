@@ -20,7 +20,7 @@ from cad.errors import FileError, ParameterError, printable
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import Captured, FileFeed

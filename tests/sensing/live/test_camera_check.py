@@ -21,7 +21,7 @@ from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
 from sensing.decode import decode_bgr
 from sensing.live.core.camera_check import FLAG
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import DotTracks, Frame

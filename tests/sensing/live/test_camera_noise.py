@@ -11,7 +11,8 @@ from live_stand_in import PATIENCE_S
 
 from cad.errors import FileError
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.seen import Pictures, SeenFrame

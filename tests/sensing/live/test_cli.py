@@ -17,7 +17,7 @@ from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, film, stand_in, wait_for
 from long_cases import others_long
 
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.replay import read_config, verify
 from sensing.live.web.state import hello

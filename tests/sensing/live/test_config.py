@@ -12,7 +12,8 @@ from live_stand_in import stand_in
 from cad.errors import FileError, ParameterError
 from sensing.live import open_endcaps as opening
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import EXAMPLE, NO_KEYS, load_config, save_config
 
 

@@ -20,7 +20,8 @@ from live_program import camera, program
 from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, endless, film, frames, pipeline, stand_in, wait_for
 from mcap.records import ChunkIndex
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.ending import FLUSH_S, Stop

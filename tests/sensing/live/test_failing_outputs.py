@@ -5,7 +5,8 @@ import io
 import pytest
 from live_stand_in import film, frames, pipeline, wait_for
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
 from sensing.live.core.state import Condition, State

@@ -11,7 +11,7 @@ from live_stand_in import PATIENCE_S, LinearModel, endless, film, frames, pipeli
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.model import live_model, load_model

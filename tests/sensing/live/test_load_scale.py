@@ -12,7 +12,7 @@ from cad.identity import identity
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import setup
-from sensing.live.core.config import KEPT, EndcapConfig
+from sensing.live.core.endcap_config import KEPT, EndcapConfig
 from sensing.live.core.load_watch import LoadWatch
 from sensing.live.core.model import CONTACT_N, live_model, require_reachable
 from sensing.live.core.pipeline import EndcapPipeline
@@ -91,7 +91,7 @@ def test_a_contact_threshold_beyond_all_that_the_weights_know_is_refused(hard):
     model, most_n = live_model("default", hard, hard.shape), hard.range.force_n
     for gain in (1.0, 0.06):
         require_reachable(model, EndcapConfig("left", "0", contact_on_n=0.9 * gain * most_n, gain=gain))
-        with pytest.raises(ParameterError, match="of left: its weights know forces to .* give newtons"):
+        with pytest.raises(ParameterError, match=r"of left: its weights know forces to .* give newtons"):
             require_reachable(model, EndcapConfig("left", "0", contact_on_n=1.1 * gain * most_n, gain=gain))
 
 

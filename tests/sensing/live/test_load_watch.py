@@ -10,7 +10,7 @@ from live_stand_in import LinearModel, film, frames
 from bench.bench_own_weight import View
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.load_watch import FLAG, LoadWatch
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S, dots, film, frames, pipeline
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
 from sensing.live.core.pipeline import EndcapPipeline

@@ -7,7 +7,8 @@ import pytest
 from live_stand_in import PATIENCE_S, film, frames, pipeline, stand_in, wait_for
 
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine
 from sensing.live.outputs.recorder import Recorder
 from sensing.live.playback import AtEnd, Playback

@@ -14,7 +14,8 @@ from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, endless, film, frames, pipe
 from mcap.writer import Writer
 
 from cad.errors import FileError
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
@@ -220,7 +221,8 @@ import sys
 import tempfile
 from live_stand_in import endless, film, pipeline
 from pathlib import Path
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from cad.materials import DEFAULT_SILICONE
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.open_endcaps import configured_models
 from sensing.live.outputs.recorded_config import about, carried_files, parsed

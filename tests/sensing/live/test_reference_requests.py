@@ -8,7 +8,7 @@ import pytest
 from live_stand_in import PATIENCE_S, LinearModel, wait_for
 
 from sensing.live.core import reference
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.reference import PressedError, ReferenceTaker
 from sensing.records import Frame
 

@@ -8,7 +8,8 @@ import pytest
 from live_stand_in import PATIENCE_S, stand_in
 from turned_endcap import RATE_HZ, SIDEWAYS_G, Turned
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.kept import Kept, kept_of
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.seen import Pictures

@@ -7,7 +7,7 @@ from live_stand_in import stand_in
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.robot import robot_state

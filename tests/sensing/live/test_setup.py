@@ -9,7 +9,8 @@ from live_stand_in import endless, film, pipeline, stand_in, wait_for
 
 from cad.errors import FileError, ParameterError
 from sensing import setup
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace

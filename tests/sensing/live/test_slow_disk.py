@@ -7,7 +7,8 @@ import time
 import pytest
 from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recorder import Recorder

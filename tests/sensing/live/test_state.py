@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S, endless, film, frames, pipeline, stand_in, wait_for
 
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.core.gate import DISTURBED, UNCONFIRMED
@@ -30,6 +31,7 @@ from sensing.sources.newest import Health, Status
 
 ROOT = Path(__file__).resolve().parents[3]
 SIZE = (640, 480)
+CONFIG = LiveConfig((EndcapConfig("endcap_0", "test"),))
 
 
 @pytest.fixture(scope="module")
@@ -274,26 +276,23 @@ def test_another_size_is_a_state_that_ends_with_it(press):
 def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
     from sensing.live.outputs.recorder import Recorder
 
-    config = LiveConfig((EndcapConfig("endcap_0", "test"),))
     pipe = pipeline()
     faults = [broken(press[1]), black(1), noise(2), press[0][:9000]]
     jpegs = press[:5] + faults[:2] + press[5:14] + faults[2:] + press[14:20]
     pipe.update(frames(press[:1], 90.0)[0])
-    recorder = Recorder(tmp_path / "a.mcap", config, {"endcap_0": pipe.epoch}, lambda name: None)
+    recorder = Recorder(tmp_path / "a.mcap", CONFIG, {"endcap_0": pipe.epoch}, lambda name: None)
     recorder.start()
     pipe.request_restart()
     for frame in frames(jpegs):
         recorder.put(pipe.update(frame))
     recorder.close(PATIENCE_S)
-    checked = verify(tmp_path / "a.mcap", config, models=lambda endcap: stand_in())
+    checked = verify(tmp_path / "a.mcap", CONFIG, models=lambda endcap: stand_in())
     frames_checked, different = (checked.frames, checked.different) if hasattr(checked, "frames") else checked[:2]
     assert frames_checked == len(jpegs) and different == 0
 
 
 def test_the_run_answers_for_each_endcap(press):
-    run = LiveRun(
-        LiveConfig((EndcapConfig("endcap_0", "test"),)), [LiveEndcap(CameraFeed(endless(press[:12])), pipeline())]
-    )
+    run = LiveRun(CONFIG, [LiveEndcap(CameraFeed(endless(press[:12])), pipeline())])
     with run.engine:
         wait_for(lambda: run.engine.health()[0].status == "running")
         health = run.engine.health()[0]

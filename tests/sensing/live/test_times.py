@@ -10,7 +10,7 @@ import pytest
 from live_stand_in import endless, film, frames, pipeline, stand_in, wait_for
 
 from cad.errors import ParameterError
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, Pace
 from sensing.live.core.measurement import Measurement

@@ -7,7 +7,8 @@ from long_cases import others_long
 
 from cad.errors import FileError, ParameterError
 from sensing.live.cli import main
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
 from sensing.live.core.seen import Pictures, SeenFrame

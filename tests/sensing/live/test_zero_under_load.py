@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from live_stand_in import SHAPE, LinearModel, film, pipeline, wait_for
 
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
 from sensing.records import Frame

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.gate import DISTURBED
 from sensing.live.core.state import Condition, State
 from sensing.records import DotTracks, Wrench

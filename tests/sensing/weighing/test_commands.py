@@ -12,7 +12,8 @@ from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing import dwell, weigh
 from sensing.camera.nominal import nominal_mount
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.mcap_records import CutError, DamagedError
 from sensing.live.outputs.recorded_config import about, parsed

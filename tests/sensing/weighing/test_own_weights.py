@@ -9,7 +9,8 @@ from cad.identity import identity
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing import dwell
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import save_config
 from sensing.live.core.model import weights_in_use
 from sensing.live.open_endcaps import configured_models

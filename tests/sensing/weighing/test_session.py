@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cad.errors import ParameterError
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.records import Wrench
 from sensing.weighing import session
 from sensing.weighing.at_rest import Rest, RestWatch

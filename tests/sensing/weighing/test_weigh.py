@@ -13,8 +13,9 @@ from cad.errors import FileError
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing import weigh
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.config_entries import change_entries
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed

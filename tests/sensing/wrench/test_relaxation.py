@@ -8,7 +8,8 @@ from live_stand_in import film, frames, stand_in
 from scipy.integrate import solve_ivp
 
 from cad.errors import ParameterError
-from sensing.live.core.config import EndcapConfig, LiveConfig
+from sensing.live.core.config import LiveConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records import Wrench

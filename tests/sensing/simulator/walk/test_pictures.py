@@ -12,7 +12,7 @@ pytest.importorskip("mujoco")
 
 from cad.errors import FileError
 from cad.materials import silicone
-from sensing.live.core.config import EndcapConfig
+from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.simulator.levels import Simulator

@@ -37,7 +37,6 @@ EXTRAS_OF_MODULE: dict[str, tuple[str, ...]] = {  # top-level module -> extras t
     ),
     "cyclonedds": ("live", "robot", "ros"),
     **dict.fromkeys(("scipy", "matplotlib"), (*_CAD, *_NUMERICS)),
-    "joblib": ("simulate", "cluster"),
     "torch": ("train", "onnx", "download"),
     **dict.fromkeys(("dask", "distributed"), ("cluster",)),
     **dict.fromkeys(("onnx", "onnxruntime"), ("onnx",)),

@@ -29,6 +29,7 @@ SHARED = {
     f"sensing.{name}"
     for name in (
         "arguments",
+        "code_digest",
         "compiled",
         "decode",
         "frames",
@@ -88,6 +89,7 @@ ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing tha
 }
 SHARED_WITH_SIMULATOR = {
     "sensing.arguments",  # forms of options: nothing that an estimate is made with
+    "sensing.code_digest",  # which version of the code this is
     "sensing.records",
     "sensing.records_labelled",
     "sensing.set_manifest",

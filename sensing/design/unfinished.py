@@ -18,9 +18,9 @@ from pathlib import Path
 
 from cad.errors import FileError
 from cad.whole_file import hold_lock, put_file
+from sensing.code_digest import code_digest
 from sensing.simulator.similarity.library import FILE
 
-ROOT = Path(__file__).parents[2]
 SOURCES = ("cad", *(f"sensing/{name}" for name in ("camera", "design", "learning", "simulator", "tracking")))
 KEY = "key"  # name of the file of the key
 
@@ -49,16 +49,15 @@ def unfinished(out: Path, key: str) -> Iterator[Path]:
     except OSError as error:
         raise FileError(f"{folder}: {error.strerror or error}: remove it, or give another --out") from error
     with lock:
-        _emptied(folder, hashlib.sha256(f"{key} {code_digest()}".encode()).hexdigest())
+        _emptied(folder, _digest(key))
         yield folder
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def code_digest() -> str:
-    """SHA-256 of the code, tables and library from which states, pictures and fields are made."""
+def _digest(key: str) -> str:
+    """Digest of what is trained, and of code, tables and library from which states, pictures and fields are made."""
     found = hashlib.sha256(FILE.read_bytes())
-    for path in sorted(p for name in SOURCES for p in (ROOT / name).rglob("*") if p.suffix in (".py", ".csv")):
-        found.update(path.read_bytes())
+    found.update(f"{key} {code_digest(SOURCES)}".encode())
     return found.hexdigest()
 
 

@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
-import joblib
 import numpy as np
 
 from cad.errors import FileError, ParameterError
@@ -27,7 +26,7 @@ from cad.messages import LOG, transient
 from cad.whole_file import hold_lock, put_file
 from sensing.records_labelled import read_shard, shard_files
 from sensing.set_manifest import FORMAT, identity_of, read_manifest
-from sensing.simulator.dataset import local_workers
+from sensing.simulator.dataset import cluster, local_workers
 from sensing.simulator.dataset.card import NAME as CARD
 from sensing.simulator.dataset.card import write_card
 from sensing.simulator.dataset.frames import SIMULATED, rest_arrays, shard_bytes
@@ -36,7 +35,6 @@ from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.protocols.loading import PHASES, LoadPath
 
 MAX_WORKERS = 1024  # most processes of --workers
-CONNECT_S = 15  # s, timeout of the connection to a Dask scheduler
 Work = tuple[DataRequest, int, list[LoadPath], Path | None]  # request, number of the shard, its paths, stored states
 
 
@@ -70,7 +68,8 @@ def write_dataset(
             whole = _begin(request, folder)
             missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
             begin = time.monotonic()
-            work = [(request, k, shards[k], stored) for k in missing]
+            states = None if stored is None else stored.resolve()  # workers of a cluster start elsewhere
+            work = [(request, k, shards[k], states) for k in missing]
             made = _made(work, workers, scheduler)
             for count, (number, data) in enumerate(made, 1):
                 put_file(shard_path(folder, number), data, durable=True)
@@ -113,35 +112,11 @@ def _made(work: list[Work], workers: int, scheduler: str | None) -> Iterator[tup
     if scheduler is None:
         yield from local_workers.results(_job, work, workers)
         return
-    with _cluster(scheduler):
-        pool = joblib.Parallel(n_jobs=-1, return_as="generator_unordered", pre_dispatch="2*n_jobs")
-        yield from pool(joblib.delayed(_job)(*each) for each in work)
+    yield from cluster.results(_job, work, scheduler)
 
 
 def _job(request: DataRequest, number: int, paths: list[LoadPath], stored: Path | None) -> tuple[int, bytes]:
     return number, shard_bytes(request, paths, stored)
-
-
-@contextmanager
-def _cluster(address: str) -> Iterator[None]:
-    """In this context, joblib sends its work to a Dask cluster."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ParameterError(
-            f"scheduler={address}: Dask is not installed; run pip install 'endcap-toolkit[cluster]'", name="scheduler"
-        ) from None
-    try:
-        client = Client(address, timeout=CONNECT_S)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ParameterError(
-            f"scheduler={address}: no Dask scheduler answers there ({error}); start one with dask scheduler, and "
-            "give its address as tcp://HOST:8786",
-            name="scheduler",
-            value=address,
-        ) from error
-    with client, joblib.parallel_config(backend="dask"):
-        yield
 
 
 @contextmanager

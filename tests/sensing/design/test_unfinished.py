@@ -72,7 +72,7 @@ def test_what_another_request_or_version_left_is_removed(change, tmp_path, monke
             raise KeyboardInterrupt
         assert left.exists()
         if change == "code":
-            monkeypatch.setattr(kept, "code_digest", lambda: "of another version")
+            monkeypatch.setattr(kept, "code_digest", lambda _: "of another version")
     assert repr(QUICK) != repr(replace(QUICK, silicone="Dragon Skin 20"))
 
 

@@ -45,7 +45,7 @@ def require_same_states(folder: Path, request: DataRequest) -> None:
             protocol of motions.
     """
     manifest = read_manifest(folder)
-    found, wanted = ADDED_SINCE | manifest["request"], json.loads(json.dumps(request.record()))
+    found, wanted = ADDED_SINCE | manifest.get("request", {}), json.loads(json.dumps(request.record()))
     other = [name for name, value in wanted.items() if found.get(name) != value]
     other = [name for name in other if name not in OF_THE_SENSOR | {"noise_key"}]
     options, said = {f.name for f in fields(request)}, ""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.live.core.gate import DISTURBED, disturbed_dots, torn_row
+from sensing.live.core.gate import DISTURBED, OF_THE_MODEL, disturbed_dots, torn_row
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.gain import WeighingError
 
@@ -26,6 +26,8 @@ HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
     "moved": "camera or lens have moved since the reference; zero again",
+    "out_of_range": "weights have not learned such a contact, by its load, place or shape; press the tip with a flat "
+    "plate and 15 to 70 % of the range that endcap train prints",
     "zeroed_under_load": "the reference was taken while something pressed; zero again",
 }
 Array = NDArray[np.float64]
@@ -191,9 +193,9 @@ class RestWatch:
                 flagged = flagged or next(row for row in reversed(rows) if row.flags)
             least = min(least, rest.moved_n)
         if flagged is not None:
-            names = ", ".join(sorted(flagged.flags))
-            hint = flagged.reason or HINTS.get(names, "see docs/live.md")
-            raise WeighingError(f"the readings under the load are flagged ({names}): {hint}")
+            names, hint = ", ".join(sorted(flagged.flags)), _hint(flagged, "see docs/live.md")
+            force_n = float(np.linalg.norm(flagged.wrench[:3]))
+            raise WeighingError(f"the readings under the load, {force_n:#.3g} N, are flagged ({names}): {hint}")
         if least < float("inf"):
             raise WeighingError(
                 f"not at rest: the force moves by {least:.2f} N or more within {STILL_S:g} s; let it stand still"
@@ -226,7 +228,7 @@ class RestWatch:
         largest = max(self._rows, key=lambda row: float(np.linalg.norm(row.wrench[:3])))
         if largest.flags:
             names = ", ".join(sorted(largest.flags))
-            hint = largest.reason or HINTS.get(names, "are these pictures of this endcap, under a weight?")
+            hint = _hint(largest, "are these pictures of this endcap, under a weight?")
             return f"no reading counts as a contact; the largest, {self.largest_n:.2f} N, is flagged ({names}): {hint}"
         return f"no contact: the largest force is {self.largest_n:.2f} N; does the weight stand on the dome?"
 
@@ -243,6 +245,13 @@ def _rest(rows: list[_Row]) -> Rest:
     covariance = np.mean([row.covariance for row in rows], axis=0)
     disturbed = max(row.disturbed for row in rows)
     return Rest(np.median(forces, axis=0), covariance, float(np.linalg.norm(moved)), len(rows), disturbed)
+
+
+def _hint(row: _Row, otherwise: str) -> str:
+    """Why a reading is flagged and what to do; that the model flags it says neither."""
+    if row.reason and not row.reason.startswith(OF_THE_MODEL):
+        return row.reason
+    return HINTS.get(", ".join(sorted(row.flags)), row.reason or otherwise)
 
 
 def _few_flagged(rows: list[_Row]) -> bool:

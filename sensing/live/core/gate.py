@@ -37,6 +37,7 @@ TORN, TORN_PX, TORN_SIDE = 0.95, 1.0, 4  # explained by a tear; step in px at 48
 FROZEN_S, FROZEN_FRAMES = 1.0, 5  # a real sensor has noise: the same picture for so long means a camera that hangs
 Predict = Callable[[], NDArray[np.float64] | None]
 DISTURBED, UNCONFIRMED = "dots_disturbed", "unconfirmed"
+OF_THE_MODEL = "the model flags"  # begins the reason of a reading whose model flags it
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class Gate:
         held = not torn and worst < SURE and self._is_step(estimate.force_n, expected)
         self._held_n = np.array(estimate.force_n) if held else None
         flags = estimate.flags
-        reasons = [f"the model flags {', '.join(sorted(flags))}"] if flags else []
+        reasons = [f"{OF_THE_MODEL} {', '.join(sorted(flags))}"] if flags else []
         if tracks is not None and (count := disturbed_dots(tracks, estimate.force_n, self._load_scale).sum()):
             flags |= {DISTURBED}
             reasons.append(

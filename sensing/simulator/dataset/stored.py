@@ -8,6 +8,7 @@ of a motion the set holds the end of each exposure, not its beginning.
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
@@ -17,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
+from cad.identity import require_same
 from sensing.records_labelled import LabelledSet, read_shard
-from sensing.set_manifest import read_manifest
+from sensing.set_manifest import identity_of, read_manifest
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath
@@ -27,27 +29,37 @@ from sensing.simulator.solid.surface import turn_wrench
 
 # Options that may differ between sensors; all others must be those with which the states were solved.
 OF_THE_SENSOR = {"frames", "azimuths", "render", "lamp", "sensor", "unpainted", "missing", "smeared", "extra"}
+OF_THE_STATES = ("silicone", "mesh")  # aspects of the identity on which states depend; they know no camera
 
 
 def require_same_states(folder: Path, request: DataRequest) -> None:
     """Refuse a set whose states are not those of a request.
 
+    Args:
+        folder: folder of the set.
+        request: request whose states are wanted.
+
     Raises:
-        FileError: no such set.
-        ParameterError: other options, pictures instead of states, or a protocol of motions.
+        FileError: no such set, or one of another mesh.
+        ParameterError: other options, other constants than the silicone has now, pictures instead of states, or a
+            protocol of motions.
     """
-    found = ADDED_SINCE | read_manifest(folder)["request"]
-    other = [f.name for f in fields(request) if found.get(f.name) != getattr(request, f.name)]
-    other = [name for name in other if name not in OF_THE_SENSOR]
-    said = ""
+    manifest = read_manifest(folder)
+    found, wanted = ADDED_SINCE | manifest.get("request", {}), json.loads(json.dumps(request.record()))
+    other = [name for name, value in wanted.items() if found.get(name) != value]
+    other = [name for name in other if name not in OF_THE_SENSOR | {"noise_key"}]
+    options, said = {f.name for f in fields(request)}, ""
     if other:
-        said = f"was made with {', '.join(f'{name}={found.get(name)}' for name in other)}: give the same options"
+        fix = "give the same options" if options & set(other) else f"write it again, {request.silicone} has others now"
+        said = f"was made with {', '.join(f'{name}={found.get(name)}' for name in other)}: {fix}"
     elif found.get("render") != "off":
         said = "holds pictures and no states: write one with --render off"
     elif any(path.exposure_s > 0 for path in request.shards()[0]):
         said = f"protocol={request.protocol} smears its pictures, and the set keeps one state a frame: solve it again"
     if said:
         raise ParameterError(f"--states {folder}: {said}", name="states", value=str(folder))
+    there = identity_of(folder, manifest)
+    require_same(f"--states {folder}", "states", there, request.identity, "write them again", OF_THE_STATES)
 
 
 def stored_states(folder: Path, path: LoadPath) -> tuple[list[PathState], list[str]]:

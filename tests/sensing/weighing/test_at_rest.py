@@ -121,8 +121,16 @@ def test_a_few_dots_that_look_otherwise_do_not_refuse_a_load():
     ],
 )
 def test_many_such_dots_a_torn_picture_or_another_flag_do(options):
-    with pytest.raises(WeighingError, match="readings under the load are flagged"):
+    with pytest.raises(WeighingError, match="readings under the load, 9.00 N, are flagged"):
         watched(reading(k, 9.0, **options) for k in range(40)).pressed()
+
+
+def test_a_load_beyond_the_weights_says_what_to_do():
+    """It said only "flagged (out_of_range): the model flags out_of_range"."""
+    made = [reading(k, 16.5, frozenset({"out_of_range"})) for k in range(40)]
+    said = [SimpleNamespace(**{**vars(each), "reason": "the model flags out_of_range"}) for each in made]
+    with pytest.raises(WeighingError, match=r"16\.5 N, are flagged .*: weights have not learned .* 15 to 70 % of"):
+        watched(said).pressed()
 
 
 def test_of_a_recording_what_the_untouched_endcap_read_before_the_load_is_taken_out():

@@ -14,6 +14,7 @@ from small_data import short_path, small_request
 
 from cad.dots import dot_pattern
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.materials import silicone, silicones
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
@@ -25,6 +26,7 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
 from sensing.simulator.protocols.robot import robot_path
 from sensing.simulator.scene import SceneState
+from sensing.simulator.solid.mesh import DENSITIES
 from sensing.simulator.solid.surface import turn_wrench
 
 pytestmark = pytest.mark.usefixtures("short_paths")
@@ -115,6 +117,26 @@ def test_stored_states_give_what_solving_them_gives(small_set: Path, tmp_path: P
             write_dataset(request, tmp_path / "no", stored=states)
     with pytest.raises(ParameterError, match="holds pictures and no states"):
         write_dataset(small_request(), tmp_path / "no", stored=seen)
+
+
+def test_states_of_other_constants_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a row of the table was corrected, a set drew the states of the old constants and stated the new ones."""
+    states, request = tmp_path / "states", replace(small_request(), frames=6)
+    write_dataset(replace(request, render="off"), states)
+    row = silicone()
+    stiffer = replace(row, neo_hooke_c10_mpa=1.2 * row.neo_hooke_c10_mpa)
+    with monkeypatch.context() as changed:
+        changed.setitem(silicones(), row.name, stiffer)
+        with pytest.raises(ParameterError, match=r"c10_mpa=0.34, bulk_mpa=.*write it again, Smooth-Sil 950 has others"):
+            write_dataset(request, tmp_path / "no", stored=states)
+    with monkeypatch.context() as changed:
+        changed.setitem(DENSITIES, "draft", replace(DENSITIES["draft"], layers=2))
+        with pytest.raises(FileError, match="states for the mesh .*: write them again"):
+            write_dataset(request, tmp_path / "no", stored=states)
+    (states / "manifest.json").write_text('{"format": 2, "phases": []}')  # a traceback before
+    with pytest.raises(ParameterError, match="was made with diameter_mm=None"):
+        write_dataset(request, tmp_path / "no", stored=states)
+    assert not (tmp_path / "no").exists()
 
 
 def pictures(arrays: dict[str, np.ndarray]) -> set[bytes]:

@@ -75,7 +75,7 @@ class FirstShape:
         measured = {bar: row for bar, row in enumerate(force) if np.isfinite(row).all()}
         self.ups = {bar: row / np.linalg.norm(row) for bar, row in measured.items()}
         self.up = self.ups.pop(layout.leader, None)  # the leader's, in two components: first guesses try its turns
-        self.compliance = settings.compliance_m_n
+        self.compliance = [layout.compliance_m_n(endcap, settings) for endcap in range(layout.endcaps)]
         self.guess = self._guess(0.0)
 
     def _guess(self, spin: float) -> Array:
@@ -269,7 +269,7 @@ class FirstShape:
         """Height of the ground, m: below the endcaps that touch, else below the lowest."""
         layout = self.layout
         low = [self._centre(poses, k)[2] - layout.radius_m[k] for k in range(layout.endcaps)]
-        yields = {k: self.compliance * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
+        yields = {k: self.compliance[k] * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
         return float(np.mean([low[k] + by for k, by in yields.items()])) if yields else min(low)
 
 

@@ -204,7 +204,7 @@ def test_forces_on_a_heavy_robot_may_be_off_by_as_large_a_part_of_its_weight(hea
     for sample in standing_samples(robot, 1.2)[1]:
         if isinstance(sample, FootSample) and sample.touching and sample.endcap == "endcap_0":
             size = float(np.linalg.norm(sample.force_n))
-            sample = replace(sample, force_n=sample.force_n + [pulls * size, 0.0, 0.0])
+            sample = replace(sample, force_n=sample.force_n + pulls * size * np.eye(3)[0])
         feed(estimator, [sample])
     notes = estimator.state().health.notes
     assert any("in no balance" in note for note in notes) == (pulls == 1.0)

@@ -94,9 +94,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     centre = dome_centre(state, endcap, contact, layout, settings)
     axes = axes_about(state.normal[endcap])
     stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
-    variance = stays * _variance_of_place(
-        axes @ state.turn[bar], contact, centre, layout.endcap_lever[endcap], settings
-    )
+    variance = stays * _variance_of_place(axes @ state.turn[bar], endcap, contact, centre, layout, settings)
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         return _begin(state, endcap, centre, variance, layout)
@@ -122,10 +120,14 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     _hold(state, endcap, centre, axes, variance, layout)
 
 
-def _variance_of_place(turn: Array, contact: Contact, centre: DomeCentre, lever_m: Array, settings: Settings) -> Array:
-    """(3,) variance of the place of a contact along the rows of ``turn`` (3, 3), bar axes; lever without load (3,)."""
-    loads = turn @ (centre.lever_m - lever_m)
-    noise = settings.compliance_m_n**2 * np.einsum("ij,jk,ik->i", turn, contact.force_covariance, turn)
+def _variance_of_place(
+    turn: Array, endcap: int, contact: Contact, centre: DomeCentre, layout: Layout, settings: Settings
+) -> Array:
+    """(3,) variance of the place of a contact along the rows of ``turn`` (3, 3), bar axes."""
+    loads = turn @ (centre.lever_m - layout.endcap_lever[endcap])
+    noise = layout.compliance_m_n(endcap, settings) ** 2 * np.einsum(
+        "ij,jk,ik->i", turn, contact.force_covariance, turn
+    )
     return np.asarray(settings.anchor_sd_m**2 + (settings.compliance_share * loads) ** 2 + noise)
 
 

@@ -35,7 +35,7 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
 
     A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: a dome that is being pressed has
     yielded less than F / k. Along the normal d' is the speed at which the bar's end approaches the ground.
-    1 / k = (1 + b) ``compliance_m_n``: the softness b is part of the state, so that its error is common to all domes.
+    1 / k = (1 + b) times its compliance: the softness b is part of the state, so that its error is common to all domes.
 
     Args:
         state: state with its velocities and the contact's normal.
@@ -44,11 +44,12 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
         layout, settings: indices and assumptions of the estimator.
     """
     bar, normal = int(layout.endcap_bar[endcap]), state.normal[endcap]
-    lever, yields = layout.endcap_lever[endcap], settings.compliance_m_n * contact.force_n
+    lever, yields = layout.endcap_lever[endcap], layout.compliance_m_n(endcap, settings) * contact.force_n
     arm = state.turn[bar] @ lever
     leaves = float((state.velocity[bar] + cross(world_rate(state, bar), arm)) @ normal)
-    late = settings.yield_delay_s * leaves * (normal @ state.turn[bar])
-    late_s = settings.yield_delay_s * np.outer(normal, normal)
+    delay_s = layout.yield_delay_s(endcap, settings)
+    late = delay_s * leaves * (normal @ state.turn[bar])
+    late_s = delay_s * np.outer(normal, normal)
     return DomeCentre(lever + (1 + state.softness[0]) * yields + late, yields, late_s)
 
 

@@ -2,12 +2,12 @@
 
 Notes:
     The poses minimise squared residuals by Gauss-Newton steps, from the ends that the description states. Residuals
-    are those of cable lengths; of gravity in the leading bar's accelerometer; of the balance of each bar under its
-    weight, its contacts and its cables. The tensions are unknowns with priors at the stated rest lengths; the forces
-    are scaled to carry the weight, so that a silicone of another stiffness does not matter. The force on a silent
-    endcap is unknown, and so is then that scale: both are solved for beside the tensions. Lengths alone do not
-    determine the shape: at the symmetric prism one motion does not change them to first order, and a bar that turns
-    about its own axis does not change the length of a cable on that axis. The covariance contains these motions.
+    are those of cable lengths; of gravity in the bars' accelerometers; of the balance of each bar under its weight,
+    its contacts and its cables. The tensions are unknowns with priors at the stated rest lengths; the forces are
+    scaled to carry the weight, so that a silicone of another stiffness does not matter. The force on a silent endcap
+    is unknown, and so is then that scale: both are solved for beside the tensions. Lengths alone do not determine
+    the shape: at the symmetric prism one motion does not change them to first order, and a bar that turns about its
+    own axis does not change the length of a cable on that axis. The covariance contains these motions.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ ROUNDS, STEP, HALVED = 15, 1e-6, 5  # Gauss-Newton steps; step of the finite dif
 SPINS, STARTS, MOST_SQUARE = 12, 3, 100.0
 DOUBTED_STARTS = 8  # guesses that are followed where an endcap is silent, because there are more solutions then
 DOUBT = 4.0  # E: divisor of the squared residuals of several solutions, since their errors are not independent
-UNBALANCED = 25.0  # E: sum of squared residuals of the balance above which the forces do not fit the robot
+LEAST_ACROSS = 0.1  # E: part of gravity across a bar below which it does not show how the bar is turned about its axis
+UNBALANCED = 25.0  # E: sum of squared residuals of the balance above which the forces do not fit the robot,
+UNBALANCED_KG = 12.0  # of this mass or less; forces of a heavier one are off by more newtons
 
 
 class _Descent(NamedTuple):
@@ -54,7 +56,7 @@ class FirstShape:
 
     Args:
         lengths: (C,) lengths of the measured cables, m; NaN where unknown.
-        force: (3,) specific force of the leader's accelerometer, bar axes, m/s2; NaN where unknown.
+        force: (B, 3) specific forces of the bars' accelerometers, bar axes, m/s2; NaN for a bar without.
         contacts: contacts of the endcaps by number.
         layout, settings: indices and assumptions of the estimator.
     """
@@ -70,8 +72,10 @@ class FirstShape:
         self.measured = [row for row, cable in enumerate(layout.robot.cables) if cable.measured]
         self.length_sd = max(settings.length_sd_m / MEANS, settings.length_error_m)
         self.force_sd = settings.force_bias_sd / GRAVITY_M_S2
-        self.up = force / np.linalg.norm(force) if np.isfinite(force).all() else None
-        self.compliance = settings.compliance_m_n
+        measured = {bar: row for bar, row in enumerate(force) if np.isfinite(row).all()}
+        self.ups = {bar: row / np.linalg.norm(row) for bar, row in measured.items()}
+        self.up = self.ups.pop(layout.leader, None)  # the leader's, in two components: first guesses try its turns
+        self.compliance = [layout.compliance_m_n(endcap, settings) for endcap in range(layout.endcaps)]
         self.guess = self._guess(0.0)
 
     def _guess(self, spin: float) -> Array:
@@ -91,7 +95,7 @@ class FirstShape:
         return self._spun(poses)
 
     def _spun(self, poses: Array) -> Array:
-        """Poses with the bars in contact turned about their axes, so that their normals point down where possible."""
+        """Poses with the other bars turned about their axes: normals point down, and measured gravity too."""
         down: dict[int, list[Array]] = {}
         for endcap, contact in self.contacts.items():
             down.setdefault(int(self.layout.endcap_bar[endcap]), []).append(contact.normal)
@@ -100,6 +104,10 @@ class FirstShape:
                 x, y = np.sum(normals, axis=0)[:2]
                 wanted = -poses[bar, 2, :2]  # of the world's z, in bar axes
                 angle = math.atan2(wanted[1], wanted[0]) - math.atan2(y, x)
+                poses[bar, :3, :3] = poses[bar, :3, :3] @ rotation_of(np.array([0.0, 0.0, angle]))
+        for bar, up in self.ups.items():
+            if math.hypot(up[0], up[1]) > LEAST_ACROSS:
+                angle = math.atan2(poses[bar, 2, 1], poses[bar, 2, 0]) - math.atan2(up[1], up[0])
                 poses[bar, :3, :3] = poses[bar, :3, :3] @ rotation_of(np.array([0.0, 0.0, angle]))
         return poses
 
@@ -126,7 +134,8 @@ class FirstShape:
         if not self.contacts:
             return True
         off = self._balance(poses, *cable_lengths(self.layout.robot, poses))
-        return float(off @ off) < UNBALANCED
+        heavier = max(1.0, float(self.layout.mass_kg.sum()) / UNBALANCED_KG)
+        return float(off @ off) < UNBALANCED * heavier**2
 
     def _cost(self, guess: Array) -> float:
         self.guess = guess
@@ -182,6 +191,7 @@ class FirstShape:
         parts += [self._near_guess(step)]
         if self.up is not None:
             parts.append((poses[self.layout.leader, :3, :3] @ self.up)[:2] / self.force_sd)
+        parts += [(poses[bar, :3, :3] @ up - [0.0, 0.0, 1.0]) / self.force_sd for bar, up in self.ups.items()]
         if self.contacts:
             parts.append(self._level_ground(poses))
         if self.contacts:
@@ -259,7 +269,7 @@ class FirstShape:
         """Height of the ground, m: below the endcaps that touch, else below the lowest."""
         layout = self.layout
         low = [self._centre(poses, k)[2] - layout.radius_m[k] for k in range(layout.endcaps)]
-        yields = {k: self.compliance * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
+        yields = {k: self.compliance[k] * float(np.linalg.norm(c.force_n)) for k, c in self.contacts.items()}
         return float(np.mean([low[k] + by for k, by in yields.items()])) if yields else min(low)
 
 

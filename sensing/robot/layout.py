@@ -9,7 +9,10 @@ import numpy as np
 from cad.errors import ParameterError
 from cad.params import EndcapParams
 from sensing.frames import MM_PER_M
+from sensing.robot.settings import Settings
 from sensing.tensegrity.description import Array, InertialSensor, TensegrityRobot
+
+RELEASED = EndcapParams(130.0, 8.0)  # design of the dome that the settings describe
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Layout:
         radius_m, centre_height_m: (E,) radius of the sphere, and height of its centre over the mating plane, m.
         mass_lever: (B, 3) centre of mass from the reference point, bar axes, m.
         mass_kg: (B,) masses of the bars, kg.
+        yields: (E,) yield of each dome over that of D=130 T=8 under the same force, by its size.
     """
 
     robot: TensegrityRobot
@@ -50,6 +54,7 @@ class Layout:
     centre_height_m: Array
     mass_lever: Array
     mass_kg: Array
+    yields: Array
 
     @property
     def bars(self) -> int:
@@ -65,6 +70,28 @@ class Layout:
     def size(self) -> int:
         """Size N of the error state."""
         return 15 * self.bars + 3 * self.endcaps + 2
+
+    def compliance_m_n(self, endcap: int, settings: Settings) -> float:
+        """Yield of an endcap's dome under 1 N, m/N: as the description states it, else by its size.
+
+        A shell under a point load sinks by about F R / (mu T^2) (Reissner 1946, doi:10.1002/sapm194625180).
+
+        Args:
+            endcap: number of the endcap.
+            settings: assumptions of the estimator.
+        """
+        stated = self.robot.endcaps[endcap].compliance_m_n
+        return settings.compliance_m_n * float(self.yields[endcap]) if stated is None else stated
+
+    def yield_delay_s(self, endcap: int, settings: Settings) -> float:
+        """Damping of an endcap's dome over its stiffness, s: as the description states it, else by the settings.
+
+        Args:
+            endcap: number of the endcap.
+            settings: assumptions of the estimator.
+        """
+        stated = self.robot.endcaps[endcap].yield_delay_s
+        return settings.yield_delay_s if stated is None else stated
 
     def turn(self, bar: int) -> slice:
         """Indices of a bar's rotation in the error state."""
@@ -129,6 +156,7 @@ def layout_of(robot: TensegrityRobot) -> Layout:
     of = np.array([robot.bar_number(endcap.bar) for endcap in robot.endcaps], np.int64)
     designs = [EndcapParams(endcap.diameter_mm, endcap.wall_mm) for endcap in robot.endcaps]
     heights = np.array([design.centre_height_mm for design in designs]) / MM_PER_M
+    softer = np.array([design.outer_radius_mm / design.wall_mm**2 for design in designs])
     poses = np.array([endcap.T_bar_endcap for endcap in robot.endcaps])
     return Layout(
         robot, int(has_force.argmax()), reference,
@@ -136,5 +164,5 @@ def layout_of(robot: TensegrityRobot) -> Layout:
         pairs, levers, of, poses[:, :3, 3] + heights[:, None] * poses[:, :3, 2] - reference[of],
         np.ascontiguousarray(poses[:, :3, :3]), np.array([design.outer_radius_mm for design in designs]) / MM_PER_M,
         heights, np.array([bar.centre_of_mass_m for bar in robot.bars]) - reference,
-        np.array([bar.mass_kg for bar in robot.bars]),
+        np.array([bar.mass_kg for bar in robot.bars]), softer / (RELEASED.outer_radius_mm / RELEASED.wall_mm**2),
     )  # fmt: skip

@@ -59,11 +59,13 @@ class Settings:
             (m/s^2/sqrt(Hz)), and its part that grows with the measured acceleration.
         length_sd_m: standard deviation of a cable's length, independent from sample to sample.
         length_error_m: standard deviation of its part that is constant over a second.
-        compliance_m_n: yield of an endcap under 1 N, m/N.
+        compliance_m_n: yield of an endcap D=130 T=8 under 1 N, m/N; other sizes yield in proportion to D/T^2
+            (:meth:`sensing.robot.layout.Layout.compliance_m_n`), and the description may state an endcap's own.
         compliance_share: relative error of it, of each contact independently.
         softness_sd: standard deviation of the relative excess of all domes' yield, which is learned.
         softness_stays_s: time constant with which it is forgotten; the yield also depends on the place of contact.
-        yield_delay_s: delay of the yield behind the force: the dome's damping over its stiffness.
+        yield_delay_s: delay of the yield behind the force: the dome's damping over its stiffness; the description may
+            state an endcap's own.
         anchor_sd_m: standard deviation of a contact's position besides the compliance.
         error_stays_s: correlation time of a contact's errors.
         bit_sd_m: standard deviation of the position of a contact of which only the bit is known.

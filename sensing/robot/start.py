@@ -176,7 +176,7 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         lengths = gathered.lengths / gathered.length_counts
-        force = gathered.force[layout.leader] / gathered.counts[layout.leader, 1]
+        force = gathered.force / gathered.counts[:, 1:]
     problem = FirstShape(lengths, force, gathered.contacts, layout, settings)
     poses, spread = problem.solved()
     state.began_unbalanced = not problem.balances(poses)

@@ -53,6 +53,8 @@ class MountedEndcap:
         bar: name of its bar.
         T_bar_endcap: (4, 4) mounting, m.
         diameter_mm, wall_mm: the design: outer diameter D and wall T.
+        compliance_m_n: yield of its dome under 1 N, m/N; None for that of its size in the estimator's settings.
+        yield_delay_s: damping of its dome over its stiffness, s; None for that of the estimator's settings.
     """
 
     name: str
@@ -60,6 +62,8 @@ class MountedEndcap:
     T_bar_endcap: Array
     diameter_mm: float = 130.0
     wall_mm: float = 8.0
+    compliance_m_n: float | None = None
+    yield_delay_s: float | None = None
 
 
 @dataclass(frozen=True)

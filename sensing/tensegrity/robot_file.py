@@ -23,6 +23,8 @@ left out::
     turn_deg = 0.0                        # [0] how it is screwed on, about its own axis
     diameter_mm = 130.0                   # [130]
     wall_mm = 8.0                         # [8]
+    compliance_m_n = 0.00025              # [by its size: 0.00025 at D=130 T=8] yield of its dome under 1 N
+    yield_delay_s = 0.0003                # [0.01, the simulated dome's] damping of its dome over its stiffness
 
     [[cable]]
     name = "red-blue"
@@ -60,6 +62,7 @@ MOST_BYTES = 1 << 20  # largest file that is read
 MOST_STRETCH = 0.5  # of a cable's rest length; more stretch means that the lengths are inconsistent
 ENDS_OFF = 0.2  # largest relative difference of the distance of a bar's stated ends from its length
 REACH_M = 0.3  # largest distance of an attachment beyond a bar's end, or beside the bar
+LEAST_M_N, MOST_M_N, MOST_DELAY_S = 1e-5, 1e-2, 0.1  # a dome of 100 N/mm, one of 0.1 N/mm; more is a typing error
 HEAVIEST = 1e6  # kg, m, N/m; more is a typing error
 
 
@@ -119,13 +122,18 @@ def _endcap(entry: Table, lengths: dict[str, float]) -> MountedEndcap:
     turn = math.radians(entry.number("turn_deg", default=0.0))
     diameter = entry.number("diameter_mm", default=130.0)
     wall = entry.number("wall_mm", default=8.0)
-    EndcapParams(diameter, wall)  # refuses a design that cannot be made
+    try:
+        EndcapParams(diameter, wall)
+    except ParameterError as error:  # a design that cannot be made
+        raise ParameterError(f"{entry.where()}{error}", name=error.name, value=error.value) from None
+    compliance = entry.number_if_given("compliance_m_n", above=LEAST_M_N, most=MOST_M_N)
+    delay = entry.number_if_given("yield_delay_s", above=0.0, most=MOST_DELAY_S)
     pose = np.eye(4)
     pose[:3, :3] = rotation_of(np.array([0.0, 0.0, turn]))
     pose[2, 3] = lengths[bar] / 2
     if end == "first":
         pose = np.diag([1.0, -1.0, -1.0, 1.0]) @ pose
-    return MountedEndcap(entry.finish("name"), bar, pose, diameter, wall)
+    return MountedEndcap(entry.finish("name"), bar, pose, diameter, wall, compliance, delay)
 
 
 def _cable(entry: Table, lengths: dict[str, float]) -> Cable:

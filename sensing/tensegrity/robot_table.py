@@ -72,6 +72,16 @@ class Table:
             )
         return value
 
+    def number_if_given(self, key: str, above: float, most: float) -> float | None:
+        """A finite number, None where the key is missing.
+
+        Args:
+            key: key of the value.
+            above, most: limits, as in :meth:`number`.
+        """
+        self.known.add(key)
+        return self.number(key, above=above, most=most) if key in self.values else None
+
     def row(self, key: str, sizes: tuple[int, ...], default: list[float] | None = None) -> Array:
         """A list of numbers.
 

@@ -113,6 +113,8 @@ def moved(T_world_bar: Array, step: Array) -> Array:
     """Poses after (6 B,) steps: for each bar three of translation (m) and three of rotation (rad, world axes)."""
     poses = T_world_bar.copy()
     for pose, change in zip(poses, step.reshape(-1, 6), strict=True):
+        if not change.any():  # most bars of a finite difference
+            continue
         pose[:3, 3] += change[:3]
         pose[:3, :3] = rotation_of(change[3:]) @ pose[:3, :3]
     return poses

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from cad.errors import printable
@@ -12,6 +14,8 @@ from sensing.tensegrity.samples import Sample
 
 SHOW_S = 1.0  # s on the samples' clock, interval of the lines
 SETTLE_S = 0.5  # s in which every stream reports at least once
+AGAIN_S = 10.0  # E: s for which a fault has to be gone before it is written again
+VALUE = re.compile(r"\d+\.\d+")  # in a note; one that changes is no new fault
 
 
 class RobotTerminal:
@@ -28,7 +32,8 @@ class RobotTerminal:
 
     def __init__(self, lines: Lines, robot: TensegrityRobot, quiet: bool = False) -> None:
         self._lines, self._robot, self._quiet = lines, robot, quiet
-        self._next_s, self._said, self._begin_s = -np.inf, set[str](), np.inf
+        self._next_s, self._begin_s = -np.inf, np.inf
+        self._seen_s: dict[str, float] = {}  # time at which each fault was last there
         self.last: Report | None = None
 
     def sample(self, sample: Sample) -> None:
@@ -40,10 +45,10 @@ class RobotTerminal:
         self._begin_s = min(self._begin_s, time_s)
         settled = time_s > self._begin_s + SETTLE_S
         for note in report.estimate.health.notes if settled else ():
-            kind = note.split(":")[0]
-            if kind not in self._said:
-                self._said.add(kind)
+            kind = VALUE.sub("", note.split(":")[0])
+            if time_s - self._seen_s.get(kind, -np.inf) > AGAIN_S:
                 self._lines.write(f"{time_s:7.1f} s  {printable(note)}\n")
+            self._seen_s[kind] = time_s
         if time_s >= self._next_s and not self._quiet:
             self._next_s = time_s + SHOW_S
             self._lines.write(line(report, self._robot) + "\n")

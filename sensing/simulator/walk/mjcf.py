@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -27,7 +27,7 @@ TIMESTEP_S = 0.001  # time step of MuJoCo
 
 @dataclass(frozen=True)
 class Dome:
-    """Compliance of an endcap's dome.
+    """Compliance of an endcap's dome, D=130 T=8 by default.
 
     Attributes:
         stiffness_n_m: stiffness of each slide, N/m; 4 N/mm: D=130 T=8 under 5 to 10 mm (docs/verification.md).
@@ -39,6 +39,34 @@ class Dome:
     damping_ns_m: float = 40.0
     mass_kg: float = 0.09
 
+    def of(self, endcap: MountedEndcap) -> Dome:
+        """The dome of an endcap, if this is one of D=130 T=8: by its size, or as its description states it.
+
+        Stiffness grows with T^2/D, as in :class:`sensing.simulator.similarity.ratios.LoadScale`; damping over stiffness
+        stays, and the mass is that of a sphere's wall.
+
+        Args:
+            endcap: endcap of the description.
+
+        Raises:
+            ParameterError: a stated dome that the time step is too long for.
+        """
+        diameter, wall = endcap.diameter_mm / 130.0, endcap.wall_mm / 8.0
+        given, delay_s = endcap.compliance_m_n, endcap.yield_delay_s
+        stiffness = self.stiffness_n_m * (wall**2 / diameter) if given is None else 1 / given
+        delay_s = self.damping_ns_m / self.stiffness_n_m if delay_s is None else delay_s
+        mass = self.mass_kg * (diameter**2 * wall)
+        if (
+            max(delay_s * TIMESTEP_S, TIMESTEP_S**2) * stiffness > mass
+        ):  # explicit steps become unstable from twice that
+            raise ParameterError(
+                f'endcap "{endcap.name}": a dome of {mass:.2g} kg with compliance_m_n = {1 / stiffness:.3g} and '
+                f"yield_delay_s = {delay_s:g} is too stiff for the simulation's steps of {TIMESTEP_S:g} s: at least "
+                f"{max(delay_s * TIMESTEP_S, TIMESTEP_S**2) / mass:.2g} m/N, or a shorter delay",
+                name="compliance_m_n", value=1 / stiffness,
+            )  # fmt: skip
+        return Dome(stiffness, delay_s * stiffness, mass)
+
 
 def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome = Dome()) -> str:
     """The model as XML; ``ground.heights`` go into the compiled model.
@@ -47,10 +75,11 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
         robot: description of the robot.
         ground: ground below it.
         poses: (B, 4, 4) m, T_world_bar at the start.
-        dome: compliance of its endcaps.
+        dome: compliance of an endcap D=130 T=8.
 
     Raises:
-        ParameterError: a bar whose mass or inertia is smaller than that of its domes.
+        ParameterError: a stated dome too stiff for the time step, or a bar whose mass or inertia is smaller than
+            that of its domes.
     """
     bodies = "".join(_bar(robot, number, pose, dome) for number, pose in enumerate(poses))
     return f"""<mujoco model={quoteattr(robot.name)}>
@@ -67,19 +96,21 @@ def robot_mjcf(robot: TensegrityRobot, ground: Ground, poses: Array, dome: Dome 
 
 def sphere_centre_m(endcap: MountedEndcap) -> Array:
     """(3,) centre of the untouched sphere in the frame of its bar."""
-    height = _centre_height_m(endcap.diameter_mm, endcap.wall_mm)
+    height = centre_height_m(endcap.diameter_mm, endcap.wall_mm)
     return np.asarray(endcap.T_bar_endcap[:3, 3] + height * endcap.T_bar_endcap[:3, 2])
 
 
 @lru_cache(maxsize=64)
-def _centre_height_m(diameter_mm: float, wall_mm: float) -> float:
+def centre_height_m(diameter_mm: float, wall_mm: float) -> float:
+    """Height of the sphere's centre over the mating plane, m."""
     return EndcapParams(diameter_mm, wall_mm).centre_height_mm / 1000
 
 
 def _bar(robot: TensegrityRobot, number: int, pose: Array, dome: Dome) -> str:
     bar = robot.bars[number]
     shells = [endcap for endcap in robot.endcaps if endcap.bar == bar.name]
-    mass, centre, inertia = _without_shells(bar, [sphere_centre_m(endcap) for endcap in shells], dome.mass_kg)
+    domes = [dome.of(endcap) for endcap in shells]
+    mass, centre, inertia = _without_shells(bar, shells, [one.mass_kg for one in domes])
     full = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     sites = "".join(
         f'<site name="cable{place}_{end}" pos="{_text(cable.points_m[end])}" size="0.008"/>'
@@ -91,38 +122,42 @@ def _bar(robot: TensegrityRobot, number: int, pose: Array, dome: Dome) -> str:
         f'<body name="bar{number}" pos="{_text(pose[:3, 3])}" quat="{_text(quaternion(pose[:3, :3]))}">'
         f'<freejoint/><inertial pos="{_text(centre)}" mass="{mass:.9g}" fullinertia="{_text(full)}"/>'
         f'<geom type="capsule" fromto="0 0 {-bar.length_m / 2:g} 0 0 {bar.length_m / 2:g}" size="0.015" '
-        f'contype="0" conaffinity="0"/>{sites}{"".join(_shell(robot, endcap, dome) for endcap in shells)}</body>'
+        f'contype="0" conaffinity="0"/>{sites}{"".join(map(partial(_shell, robot), shells, domes))}</body>'
     )
 
 
-def _without_shells(bar: Bar, places: list[Array], shell_kg: float) -> tuple[float, Array, Array]:
+def _without_shells(bar: Bar, shells: list[MountedEndcap], shell_kg: list[float]) -> tuple[float, Array, Array]:
     """Mass, centre of mass and inertia about it of a bar without its shells, which are bodies of their own."""
-    mass = bar.mass_kg - shell_kg * len(places)
+    places = [sphere_centre_m(endcap) for endcap in shells]
+    mass = bar.mass_kg - sum(shell_kg)
     if mass <= 0:
-        raise _no_body(bar, len(places), shell_kg)
-    moment = bar.mass_kg * bar.centre_of_mass_m - shell_kg * np.sum(places, axis=0) if places else np.zeros(3)
+        raise _no_body(bar, shell_kg)
+    moment = bar.mass_kg * bar.centre_of_mass_m
+    moment = moment - sum((kg * place for kg, place in zip(shell_kg, places, strict=True)), np.zeros(3))
     centre = moment / mass if places else bar.centre_of_mass_m
     inertia = bar.inertia_kg_m2 + bar.mass_kg * _steiner(bar.centre_of_mass_m)
-    inertia = inertia - sum((shell_kg * _steiner(place) for place in places), np.zeros((3, 3)))
-    inertia = inertia - mass * _steiner(centre) - len(places) * _sphere_inertia(shell_kg)
+    for endcap, place, kg in zip(shells, places, shell_kg, strict=True):
+        inertia = inertia - kg * _steiner(place) - _sphere_inertia(kg, endcap)
+    inertia = inertia - mass * _steiner(centre)
     least, middle, most = np.linalg.eigvalsh(inertia)
     if least <= 0 or most > (least + middle) * (1 + 1e-9):
-        raise _no_body(bar, len(places), shell_kg)
+        raise _no_body(bar, shell_kg)
     return mass, centre, inertia
 
 
-def _no_body(bar: Bar, shells: int, shell_kg: float) -> ParameterError:
+def _no_body(bar: Bar, shell_kg: list[float]) -> ParameterError:
     """The error for a bar whose stated mass or inertia is less than that of its shells."""
     return ParameterError(
-        f'bar "{bar.name}": its mass_kg = {bar.mass_kg:g} and inertia_kg_m2 are less than those of the {shells} '
-        f"simulated domes on it, {shell_kg:g} kg each: give those of all that is screwed to it, endcaps included",
+        f'bar "{bar.name}": its mass_kg = {bar.mass_kg:g} and inertia_kg_m2 are less than those of the {len(shell_kg)} '
+        f"simulated domes on it, {sum(shell_kg):.2g} kg: give those of all that is screwed to it, endcaps included",
         name="mass_kg",
         value=bar.mass_kg,
     )
 
 
-def _sphere_inertia(shell_kg: float) -> Array:
-    return 2 / 3 * shell_kg * 0.06**2 * np.eye(3)  # a thin shell of 60 mm
+def _sphere_inertia(shell_kg: float, endcap: MountedEndcap) -> Array:
+    radius_m = 0.06 * (endcap.diameter_mm / 130.0)  # a thin shell: 60 mm at D=130
+    return 2 / 3 * shell_kg * radius_m**2 * np.eye(3)
 
 
 def _steiner(place: Array) -> Array:
@@ -131,7 +166,7 @@ def _steiner(place: Array) -> Array:
 
 def _shell(robot: TensegrityRobot, endcap: MountedEndcap, dome: Dome) -> str:
     number = robot.endcaps.index(endcap)
-    inertia = _sphere_inertia(dome.mass_kg)[0, 0]
+    inertia = _sphere_inertia(dome.mass_kg, endcap)[0, 0]
     slides = "".join(
         f'<joint type="slide" axis="{axis}" stiffness="{dome.stiffness_n_m:g}" damping="{dome.damping_ns_m:g}"/>'
         for axis in ("1 0 0", "0 1 0", "0 0 1")

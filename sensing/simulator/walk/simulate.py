@@ -14,13 +14,14 @@ import numpy as np
 
 from cad.errors import ParameterError
 from sensing.simulator.walk.gait import TippingGait
-from sensing.simulator.walk.mjcf import TIMESTEP_S, Dome, robot_mjcf
+from sensing.simulator.walk.mjcf import TIMESTEP_S, Dome, centre_height_m, robot_mjcf
 from sensing.simulator.walk.terrain import LANDS_S, PUSH_FOR_S, PUSH_FROM_S, ROUGH_M, Ground, Terrain, ground
 from sensing.simulator.walk.tips import endcap_centres
 from sensing.simulator.walk.truth import Walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.shape import balanced_shape, rotation_of
 
+RELEASED = (130.0, 8.0)  # D and T of the endcaps of the robot that ships, mm
 SAMPLE_S = 0.005  # interval of the samples of the truth
 SETTLE_S = 5.0  # simulated time before the run, which is not recorded
 CABLE_DAMPING_NS_M = 40.0  # damping of a cable
@@ -248,9 +249,12 @@ def _lying(robot: TensegrityRobot, surface: Ground, rng: np.random.Generator) ->
     poses[:, :3, 3] = (poses[:, :3, 3] - centre) @ turn.T
     low = math.inf
     for bar, pose in zip(robot.bars, poses, strict=True):
+        sizes = [(endcap.diameter_mm, endcap.wall_mm) for endcap in robot.endcaps if endcap.bar == bar.name]
+        diameter, wall = max(sizes, default=RELEASED)
+        reach = 0.04 + (centre_height_m(diameter, wall) - centre_height_m(*RELEASED))
         for end in (-1, 1):
-            tip = pose[:3, 3] + end * (bar.length_m / 2 + 0.04) * pose[:3, 2]
-            low = min(low, float(tip @ surface.up) - 0.067)
+            tip = pose[:3, 3] + end * (bar.length_m / 2 + reach) * pose[:3, 2]
+            low = min(low, float(tip @ surface.up) - (diameter / 2000 + 0.002))
     lift = surface.drop_m + (float(surface.heights.max()) if surface.heights.size else 0.002)
     poses[:, 2, 3] += (lift - low) / float(surface.up[2])
     return poses

@@ -36,6 +36,7 @@ LEAST_N, TIGHTER_SHARE = 2.0, 0.01  # cables that pull less are shortened by thi
 NUDGE = 1e-5  # step of finite differences, m and rad
 FLAT_M2, LEVEL_M = 1e-6, 1e-4  # limits for three centres in a line, and for other centres in the plane of a face
 Face = tuple[int, ...]
+_FOUND: dict[bytes, dict[tuple[Face, int], Tip]] = {}  # tips of the robots of this process: minutes for many runs
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Tips:
     def __init__(self, robot: TensegrityRobot) -> None:
         self.robot = robot
         known = load_tips() if _mechanism(robot) == _mechanism(load_robot()) else ()
-        self._found = {(tip.face, tip.lifted): tip for tip in known}
+        self._found = _FOUND.setdefault(_identity(robot), {(tip.face, tip.lifted): tip for tip in known})
         self._standing = balanced_shape(robot)
         self.faces = sorted({tip.face for tip in known}) or hull_faces(
             endcap_centres(robot, self._standing.T_world_bar)
@@ -223,6 +224,16 @@ def _height_m(robot: TensegrityRobot, poses: Array, face: Face) -> float:
     """Height of the mass over a face, m."""
     centres = endcap_centres(robot, poses)
     return float((centres[face[0]] - centre_of_mass_m(robot, poses)) @ outward(centres, face))
+
+
+def _identity(robot: TensegrityRobot) -> bytes:
+    """All numbers and names on which the tips of a robot depend, to the bit."""
+    cables, endcaps = robot.cables, robot.endcaps
+    parts = [bar.centre_of_mass_m for bar in robot.bars] + [bar.ends_m.ravel() for bar in robot.bars]
+    parts += [cable.points_m.ravel() for cable in cables] + [sphere_centre_m(endcap) for endcap in endcaps]
+    numbers = [bar.mass_kg for bar in robot.bars] + [x for one in cables for x in (one.rest_m, one.stiffness_n_m)]
+    names = [bar.name for bar in robot.bars], [cable.bars for cable in cables], [endcap.bar for endcap in endcaps]
+    return np.concatenate([*parts, numbers]).tobytes() + repr(names).encode()
 
 
 def _mechanism(robot: TensegrityRobot) -> bytes:

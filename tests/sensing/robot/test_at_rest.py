@@ -12,6 +12,7 @@ from cad.errors import ParameterError
 from sensing.robot.estimator import RobotEstimator
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
+from sensing.tensegrity.shape import rotation_of
 
 ROBOT = load_robot()
 
@@ -68,3 +69,22 @@ def test_missing_streams_are_named():
     assert "endcap_0: no reading yet" in notes
     later = "\n".join(estimator.state(at=1.5).health.notes)
     assert "cable lengths: no sample for 0.5 s" in later and "imu_green: no sample for 0.5 s" in later
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 1.0, 2.5, -2.5])
+def test_every_accelerometer_shows_how_its_bar_is_turned_about_its_axis(turn_rad):
+    """Cables on the axis do not show it, nor do endcaps in the air."""
+    robot = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=True) for sensor in ROBOT.sensors))
+    turned = np.eye(4)
+    turned[:3, :3] = rotation_of(np.array([0.0, 0.0, turn_rad]))
+    last = replace(robot.sensors[-1], T_bar_imu=turned @ robot.sensors[-1].T_bar_imu)
+    poses, samples = standing_samples(replace(robot, sensors=(*robot.sensors[:-1], last)), 1.1)
+    estimator = RobotEstimator(robot)
+    for sample in samples:
+        if isinstance(sample, FootSample):
+            sample = replace(sample, force_n=np.zeros(3), torque_nm=np.zeros(3), touching=False)
+        feed(estimator, [sample])
+    bar = estimator.state().bars[-1]
+    off = bar.T_world_bar[:3, :3] @ (poses[-1] @ turned)[:3, :3].T
+    angle = np.arccos(np.clip((np.trace(off) - 1) / 2, -1, 1))
+    assert angle < 0.02 and np.sqrt(np.trace(bar.covariance[3:6, 3:6])) < 0.1

@@ -192,3 +192,19 @@ def test_a_silicone_of_another_stiffness_is_no_endcap_that_sits_elsewhere(scale)
         for s in samples
     ]
     assert not first_estimate(scaled).health.notes
+
+
+@pytest.mark.parametrize("heavier", [1.0, 3.0])
+@pytest.mark.parametrize("pulls", [0.25, 1.0])
+def test_forces_on_a_heavy_robot_may_be_off_by_as_large_a_part_of_its_weight(heavier, pulls):
+    bars = tuple(replace(bar, mass_kg=heavier * bar.mass_kg) for bar in ROBOT.bars)
+    cables = tuple(replace(cable, stiffness_n_m=heavier * cable.stiffness_n_m) for cable in ROBOT.cables)
+    robot = replace(ROBOT, bars=bars, cables=cables)
+    estimator = RobotEstimator(robot)
+    for sample in standing_samples(robot, 1.2)[1]:
+        if isinstance(sample, FootSample) and sample.touching and sample.endcap == "endcap_0":
+            size = float(np.linalg.norm(sample.force_n))
+            sample = replace(sample, force_n=sample.force_n + pulls * size * np.eye(3)[0])
+        feed(estimator, [sample])
+    notes = estimator.state().health.notes
+    assert any("in no balance" in note for note in notes) == (pulls == 1.0)

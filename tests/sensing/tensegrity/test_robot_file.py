@@ -33,7 +33,9 @@ FAULTS = {  # what is replaced once, by what, a word of the message
     "5000 digits": ("mass_kg = 4.0", f"mass_kg = {'9' * 5000}", "no TOML"),
     "a point of two numbers": ("[0.0, 0.0, -0.41]", "[0.0, -0.41]", "2 lists of 3"),
     "a point beside the bar": ("[0.0, 0.0, -0.41]", "[0.0, 0.9, -0.41]", "off the bar"),
-    "an endcap that cannot be made": ("turn_deg = 0.0", "turn_deg = 0.0\nwall_mm = 60", "wall_mm"),
+    "an endcap that cannot be made": ("turn_deg = 0.0", "turn_deg = 0.0\nwall_mm = 60", 'endcap "endcap_0": wall_mm'),
+    "a dome in mm": ("turn_deg = 0.0", "turn_deg = 0.0\ncompliance_m_n = 0.25", "above 1e-05, at most 0.01"),
+    "a dome in ms": ("turn_deg = 0.0", "turn_deg = 0.0\nyield_delay_s = 10", "above 0, at most 0.1"),
     "no text for a name": ('name = "imu_red"', "name = 3", "no text"),
     "no TOML": ("[[bar]]", "[[bar", "no TOML"),
 }
@@ -71,6 +73,7 @@ def test_the_robot_that_ships():
     assert robot.mass_kg == pytest.approx(12.0)
     assert len(robot.endcaps) == 6 and len(robot.cables) == 9
     assert [sensor.accelerometer for sensor in robot.sensors] == [True, False, False]
+    assert {(endcap.compliance_m_n, endcap.yield_delay_s) for endcap in robot.endcaps} == {(None, None)}
     for endcap in robot.endcaps:
         place, axis = endcap.T_bar_endcap[:3, 3], endcap.T_bar_endcap[:3, 2]
         assert place @ axis == pytest.approx(0.41)  # z toward the tip, away from the bar
@@ -93,3 +96,11 @@ def test_derivative_of_the_lengths_against_differences():
         change = step * np.eye(18)[column]
         ends = [cable_lengths(robot, moved(poses, sign * change))[0] for sign in (1, -1)]
         np.testing.assert_allclose(jacobian[:, column], (ends[0] - ends[1]) / (2 * step), atol=1e-8)
+
+
+def test_a_stated_dome_is_read(tmp_path: Path):
+    path = tmp_path / "robot.toml"
+    stated = "turn_deg = 0.0\ncompliance_m_n = 0.0004\nyield_delay_s = 0.0003"
+    path.write_text(TEXT.replace("turn_deg = 0.0", stated, 1), encoding="utf-8")
+    first, second = load_robot(path).endcaps[:2]
+    assert (first.compliance_m_n, first.yield_delay_s, second.compliance_m_n) == (4e-4, 3e-4, None)

@@ -35,7 +35,8 @@ from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.shape import balanced_shape
 
 ROBOT = load_robot()
-SIX = load_robot(Path(sensing.tensegrity.__path__[0]) / "six_bar.toml")
+SIX_FILE = Path(sensing.tensegrity.__path__[0]) / "six_bar.toml"
+SIX = load_robot(SIX_FILE)
 STANDING = balanced_shape(ROBOT).T_world_bar
 STRETCHED = with_change(ROBOT, np.full(len(ROBOT.cables), 1e-4))  # another mechanism than that of the table
 
@@ -114,3 +115,13 @@ def test_six_bars_walk_and_are_followed():
 def test_a_robot_that_has_no_face_is_refused():
     with pytest.raises(ParameterError, match="2 endcaps span no body with faces to stand on: it cannot walk"):
         Tips(replace(ROBOT, endcaps=ROBOT.endcaps[:2]))
+
+
+def test_tips_are_computed_once_for_all_runs_of_a_robot(monkeypatch):
+    """Two runs of one robot have the same bits as in two processes; another robot has its own tips."""
+    heavy = replace(SIX, bars=(replace(SIX.bars[0], mass_kg=2.75), *SIX.bars[1:]))
+    face = Tips(SIX).faces[0]
+    first, other = Tips(SIX).over(face, face[0]), Tips(heavy).over(face, face[0])
+    assert np.abs(first.change_m - other.change_m).max() > 1e-6
+    monkeypatch.setattr(Tips, "_change", None)
+    assert Tips(load_robot(SIX_FILE)).over(face, face[0]) is first

@@ -39,7 +39,7 @@ class Recording:
         self._sizes: tuple[float, dict[str, Any]] = 0.0, {}
         self._recorder: Recorder | None = None
         self._ended: list[Recorder] = []  # those that are not whole
-        self._said = ""
+        self._said, self._failed = "", False  # of the last one, and whether it is not whole or could not begin
         self._lock = threading.Lock()
 
     @property
@@ -68,7 +68,8 @@ class Recording:
                 self._sizes = now_s, self._look(recorder, now_s)
         pictures = self._pictures if recorder is None else recorder.pictures
         return {
-            "on": self.on, "note": self.note, "pictures": pictures.value,
+            "on": self.on, "note": self.note, "failed": self._failed if recorder is None else bool(recorder.failed),
+            "pictures": pictures.value,
             "files": [path.name for path in self.files], **self._sizes[1],
         }  # fmt: skip
 
@@ -138,7 +139,7 @@ class Recording:
             else:
                 self.stop()
         except EndcapError as error:
-            self._said = str(error)
+            self._said, self._failed = str(error), True
         return self.note
 
     def _require(self, pictures: Pictures) -> None:
@@ -166,5 +167,6 @@ class Recording:
             self._run.engine.remove_sink(recorder)
             recorder.close(max(0.0, self._run.patience_s - OTHERS_S))
             self._said = recorder.note
-            if recorder.failed or recorder.dropped:
+            self._failed = bool(recorder.failed or recorder.dropped)
+            if self._failed:
                 self._ended.append(recorder)

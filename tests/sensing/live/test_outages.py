@@ -76,6 +76,30 @@ def test_silence_is_announced_once_and_its_age_counts_beside_it(stage):
         stage.process.send_signal(signal.SIGCONT)
 
 
+def test_an_outage_and_a_question_are_seen_wherever_a_phone_is_scrolled_to(stage):
+    stage.free()
+    seen = "(({{ top, bottom }}) => top >= 0 && bottom <= innerHeight && bottom > top)($('{}').getBoundingClientRect())"
+    with stage.tab.sized(390, 844):
+        end = "(scrollTo(0, document.body.scrollHeight), scrollY > 1000)"
+        stage.tab.until(f"innerWidth === 390 && {FREE} && {end} && (question('Sure?'), true)")
+        assert stage.tab.value(seen.format("ask"))
+        stage.tab.value("close_question()")
+        stage.process.send_signal(signal.SIGSTOP)
+        try:
+            stage.tab.until(f"{STALE} && {end}")
+            assert stage.tab.value(seen.format("lost"))
+        finally:
+            stage.process.send_signal(signal.SIGCONT)
+            stage.tab.value("scrollTo(0, 0)")
+
+
+def test_a_picture_that_is_replaced_gives_its_memory_back(stage):
+    """A browser's collector sees a few bytes of each: a page held 70 MB more of them than it needs."""
+    stage.free()
+    stage.tab.until("bitmap && bitmap.width > 0 && (window.old = bitmap)", "true")
+    stage.tab.until("bitmap && bitmap !== window.old && window.old.width === 0 && bitmap.width > 0")
+
+
 def test_a_connection_that_leads_nowhere_is_replaced(stage):
     """As after a robot's computer was switched off and on: nothing closes the old connection, and no answer comes."""
     stage.free()

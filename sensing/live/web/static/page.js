@@ -19,7 +19,9 @@ function connect() {
   socket.onmessage = async (event) => {
     retryAt = performance.now() + DEAD_MS;
     if (typeof event.data !== "string") {
+      const last = bitmap;
       try { bitmap = await createImageBitmap(event.data); } catch { bitmap = null; } // a damaged picture
+      if (last) last.close(); // its memory, of which the browser's collector knows nothing
       return;
     }
     const news = JSON.parse(event.data);

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cad.errors import EndcapError, ParameterError
 from sensing.live.core.seen import Pictures
+from sensing.live.core.sink import reason_of
 from sensing.live.outputs.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -140,6 +141,8 @@ class Recording:
                 self.stop()
         except EndcapError as error:
             self._said, self._failed = str(error), True
+        except Exception as error:  # a bug in an output must not pass in silence
+            self._said, self._failed = f"recording: {reason_of(error)}", True
         return self.note
 
     def _require(self, pictures: Pictures) -> None:
@@ -163,9 +166,10 @@ class Recording:
         recorder, self._recorder = self._recorder, None
         self._sizes = 0.0, {}
         if recorder is not None:
-            self.files.append(recorder.path)
+            self._said, self._failed = f"{recorder.path}: is being finished", False
             self._run.engine.remove_sink(recorder)
             recorder.close(max(0.0, self._run.patience_s - OTHERS_S))
+            self.files.append(recorder.path)
             self._said = recorder.note
             self._failed = bool(recorder.failed or recorder.dropped)
             if self._failed:

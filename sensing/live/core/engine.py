@@ -86,15 +86,24 @@ class LiveEndcap:
         self._busy = item is not None
         if item is not None:
             self._taken_s = time.monotonic()
-        elif self.pipeline.taker.collecting and self._without_frames:
+        elif self.pipeline.taker.collecting and self._gone:
             self.pipeline.refuse_zero_without_frames()
         return item
 
+    def zero(self, confirmed: bool = False) -> str:
+        """Take a new reference, unless the camera is gone; returns the reason of a refusal, or "" (any thread).
+
+        Args:
+            confirmed: take it although the endcap is touched, or looks pressed.
+        """
+        return self.pipeline.refuse_zero_without_frames() if self._gone else self.pipeline.request_zero(confirmed)
+
     @property
-    def _without_frames(self) -> bool:
-        """Whether the camera is gone, or has been silent for longer than a slow one is."""
+    def _gone(self) -> bool:
+        """Whether a camera that has given a reference is gone, or has been silent for longer than a slow one is."""
         status = self.feed.health.status
-        return status == "unplugged" or (status == "silent" and time.monotonic() - self._taken_s > SILENT_S)
+        silent = status == "silent" and time.monotonic() - self._taken_s > SILENT_S
+        return self.pipeline.zero is not None and (status == "unplugged" or silent)
 
     def process(self, item: Captured) -> EndcapReading | None:
         """Process one frame; an error changes the state and gives None."""

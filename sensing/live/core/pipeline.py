@@ -137,10 +137,10 @@ class EndcapPipeline:
         self.taker.ask(confirmed)
         return ""
 
-    def refuse_zero_without_frames(self) -> None:
+    def refuse_zero_without_frames(self) -> str:
         """No frame comes: a new reference would be of whatever the camera shows once it is back, so there is none."""
-        if self._used is not None and self.taker.collecting and self.taker.cancel():
-            self._say("not zeroed: no frame comes; zero again when the camera is back")
+        self.taker.cancel()
+        return self._say("not zeroed: no frame comes; zero again when the camera is back")
 
     def request_undo(self) -> str:
         """Return to the last reference, or cancel a request in progress; returns the reason of a refusal, or ""."""

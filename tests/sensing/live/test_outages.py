@@ -7,8 +7,9 @@ import signal
 import socket
 import threading
 
+import pytest
 from live_program import program
-from live_stage import FREE, PLOTS, STALE, TOUCHED, Stage, page_of
+from live_stage import FREE, PLOTS, RUNNING, STALE, TOUCHED, Stage, page_of
 from live_stand_in import PATIENCE_S, WEIGHTS_BYTES, Shown
 
 HELD = "[$('hold').textContent, $('hold').getAttribute('aria-pressed')]"
@@ -74,6 +75,19 @@ def test_silence_is_announced_once_and_its_age_counts_beside_it(stage):
         assert re.fullmatch(r"No answer from sensing.live for \d+ s: .*", stage.tab.value("$('lost').textContent"))
     finally:
         stage.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("button", ["record", "zero"])
+def test_a_button_that_was_switched_off_has_its_focus_back(stage, button):
+    stage.free()
+    at = "(document.activeElement || document.body).id"
+    stage.tab.until(f"{FREE} && !$('{button}').disabled && ($('{button}').focus(), {at} === '{button}')")
+    stage.process.send_signal(signal.SIGSTOP)
+    try:
+        stage.tab.until(f"{STALE} && {at} === ''")
+    finally:
+        stage.process.send_signal(signal.SIGCONT)
+    stage.tab.until(f"{RUNNING} && !{STALE} && {at} === '{button}'", patience_s=30)
 
 
 def test_an_outage_and_a_question_are_seen_wherever_a_phone_is_scrolled_to(stage):

@@ -173,9 +173,10 @@ def test_a_zero_asked_for_while_the_camera_is_gone_is_refused_and_not_taken_once
         zero = endcap.pipeline.zero
         plugged.clear()
         wait_for(lambda: endcap.health.status == "unplugged")
-        assert endcap.pipeline.request_zero() == ""
+        assert endcap.pipeline.request_zero() == ""  # as just before it went
         wait_for(lambda: not endcap.pipeline.taker.collecting)
         assert "not zeroed: no frame comes" in endcap.health.message
+        assert "no frame comes" in endcap.zero() and not endcap.pipeline.taker.collecting
         plugged.set()
         last = endcap.stats.frames
         wait_for(lambda: endcap.stats.frames > last + 12)

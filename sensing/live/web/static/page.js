@@ -6,7 +6,8 @@ const QUIET_MS = 1000; // no answer for so long: what is shown is old
 const DEAD_MS = 5000; // no answer for so long: the connection may lead nowhere, and no browser says so for minutes
 const RETRY_MS = 1000; // after a connection was refused or closed
 const KEPT = "endcap chosen"; // in the browser's storage, so that a reload shows the same endcap
-let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], corrected = [], weight_n = 0, sought = null, kinds = null, begun_s = null, retryAt = Infinity;
+let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], corrected = [], weight_n = 0, sought = null, kinds = null, begun_s = null, retryAt = Infinity, focused = null;
+const SWITCHED = ["zero", "zero_all", "confirm", "record", "play", "seek", "loop", "speed", "note_add"]; // off while there is no answer
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
@@ -58,9 +59,9 @@ function question(text) {
   if (document.activeElement === $("zero")) $("cancel").focus();
 }
 function close_question() {
-  const focused = $("ask").contains(document.activeElement);
+  const within = $("ask").contains(document.activeElement);
   asked = null; $("ask").classList.remove("open");
-  if (focused) $("zero").focus();
+  if (within) $("zero").focus();
 }
 
 // Greys everything out, with its age, and switches the buttons off while there is no answer.
@@ -72,8 +73,10 @@ function watch() {
   write("lost_age", good || latest === null ? "" : ` for ${age} s: everything below is as old as that.`); // apart: a screen reader says the rest once
   if (!good) close_question();
   const endcap = good ? latest.endcaps[chosen] : null, fixed = good && latest.replay !== null; // references of a replay are the recording's
+  if (!good && SWITCHED.includes(document.activeElement?.id)) focused = document.activeElement; // a button that is switched off loses it
   for (const id of ["zero", "zero_all", "confirm"]) $(id).disabled = !good || fixed;
-  for (const id of ["record", "play", "seek", "loop", "speed", "note_add"]) $(id).disabled = !good;
+  for (const id of SWITCHED.slice(3)) $(id).disabled = !good;
+  if (good && focused) { if (document.activeElement === document.body) focused.focus(); focused = null; }
   $("undo").disabled = !(endcap && endcap.undoable);
   if (!good && latest) {
     write("robot", `unknown; touching ${age} s ago: ${latest.touching.join(", ") || "none"}`);

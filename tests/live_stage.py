@@ -36,17 +36,17 @@ def page_of(process) -> str:
 class Stage:
     """One drawn camera over HTTP, the program that reads it, and a browser that shows its page."""
 
-    def __init__(self, folder: Path, tab, shown: Shown) -> None:
-        self.folder, self.tab, self.shown = folder, tab, shown
+    def __init__(self, folder: Path, tab, shown: Shown, **options) -> None:
+        self.folder, self.tab, self.shown, self.options = folder, tab, shown, options
         self.outputs = contextlib.ExitStack()
 
     def __enter__(self):
         server = mjpeg_server(0, lambda _: self.shown.camera()())
         threading.Thread(target=server.serve_forever, daemon=True).start()
         self.outputs.callback(server.shutdown)
-        address = f"http://127.0.0.1:{server.server_port}/0"
+        self.address = f"http://127.0.0.1:{server.server_port}/0"
         self.process = self.outputs.enter_context(
-            program("--url", address, "--port", "0", cwd=self.folder, stderr=None)
+            program("--url", self.address, "--port", "0", cwd=self.folder, stderr=None, **self.options)
         )
         self.url = page_of(self.process)
         self.tab.open(self.url)

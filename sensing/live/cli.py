@@ -19,6 +19,8 @@ from sensing.arguments import number, port, silicone_name, whole
 from sensing.live.core.config import LiveConfig, known_models
 from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.live.core.endcaps_file import load_config
+from sensing.live.core.engine import LiveEndcap
+from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import known_weights, weights_in_use
 from sensing.live.ending import LOST, Stop
 from sensing.live.open_outputs import add_outputs
@@ -49,7 +51,8 @@ endcap, at the origin of its frame.
 """
 EPILOG = """\
 exit status: 0 ended or stopped by Ctrl-C, SIGTERM or SIGHUP; 1 a file, a recording, an output or --check is not
-whole (one line on stderr); 2 bad input (one line on stderr); 130 or 143 stopped before it began
+whole, or a camera gave no number in all of --seconds (one line on stderr); 2 bad input (one line on stderr); 130 or
+143 stopped before it began
 """
 
 
@@ -99,9 +102,21 @@ def _run(options: argparse.Namespace) -> int:
         run_until_stopped(run, lines, options.seconds, outputs, stop)
     losses = [said for loss in run.losses if (said := loss())]
     losses += [said for endcap in endcaps if (said := getattr(endcap.feed, "damage", ""))]
+    if options.seconds is not None and not stop.asked.is_set():
+        losses += [said for endcap in endcaps if (said := _never_came(endcap))]
     for line in dict.fromkeys(losses):
         LOG.warning(f"sensing.live: {printable(line)}")
     return LOST if losses else 0
+
+
+def _never_came(endcap: LiveEndcap) -> str:
+    """Why a camera has given no number in a run of fixed length, which nobody may have watched; empty if it has."""
+    if endcap.stats.frames or not isinstance(endcap.feed, CameraFeed):
+        return ""
+    condition = endcap.machine.condition
+    return (
+        f"{endcap.name}: no number came from {endcap.pipeline.endcap.source} ({condition.state}: {condition.message})"
+    )
 
 
 def _check(path: Path, config: LiveConfig, from_s: float) -> int:

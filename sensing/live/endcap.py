@@ -139,9 +139,10 @@ class Endcap:
             confirmed: take it although it is touched, or looks pressed.
 
         Raises:
-            ZeroError: it is touched. A reference that looks pressed later is refused in ``health.message``.
+            ZeroError: it is touched, or its camera is gone. A reference that looks pressed later, or whose camera goes
+                meanwhile, is refused in ``health.message``.
         """
-        refusal = self._endcap.pipeline.request_zero(confirmed)
+        refusal = self._endcap.zero(confirmed)
         if refusal:
             raise ZeroError(refusal)
 

@@ -91,7 +91,7 @@ class LiveRun:
         """Take a new reference of one endcap, or of all; ``confirmed``: also of one that is touched."""
         for each in self.engine.endcaps:
             if endcap is None or each.name == endcap:
-                each.pipeline.request_zero(confirmed)
+                each.zero(confirmed)
 
     def undo_zero(self, endcap: str) -> None:
         """Go back to the reference before."""

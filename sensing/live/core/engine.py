@@ -22,6 +22,7 @@ from sensing.live.core.stats import EndcapHealth, EndcapStats
 from sensing.records import Frame
 
 IDLE_S = 0.1  # longest sleep of the loop, so that a lost wake-up costs no more
+SILENT_S = 5.0  # a request for a reference waits for the next frame of a silent camera; slow ones give a frame in it
 
 _SOURCE_EVENTS: dict[str, Event] = {"silent": Event.SILENCE, "unplugged": Event.LOST, "ended": Event.ENDED}
 
@@ -44,6 +45,7 @@ class LiveEndcap:
     machine: Machine = field(default_factory=Machine, init=False)
     frame: Frame | None = field(default=None, init=False)
     _busy: bool = field(default=False, init=False)
+    _taken_s: float = field(default_factory=time.monotonic, init=False)
 
     def __post_init__(self) -> None:
         self.stats = EndcapStats(self.name)
@@ -82,7 +84,26 @@ class LiveEndcap:
         except Exception as error:  # such as a reference of a recording that cannot be used
             self._failed(error)
         self._busy = item is not None
+        if item is not None:
+            self._taken_s = time.monotonic()
+        elif self.pipeline.taker.collecting and self._gone:
+            self.pipeline.refuse_zero_without_frames()
         return item
+
+    def zero(self, confirmed: bool = False) -> str:
+        """Take a new reference, unless the camera is gone; returns the reason of a refusal, or "" (any thread).
+
+        Args:
+            confirmed: take it although the endcap is touched, or looks pressed.
+        """
+        return self.pipeline.refuse_zero_without_frames() if self._gone else self.pipeline.request_zero(confirmed)
+
+    @property
+    def _gone(self) -> bool:
+        """Whether a camera that has given a reference is gone, or has been silent for longer than a slow one is."""
+        status = self.feed.health.status
+        silent = status == "silent" and time.monotonic() - self._taken_s > SILENT_S
+        return self.pipeline.zero is not None and (status == "unplugged" or silent)
 
     def process(self, item: Captured) -> EndcapReading | None:
         """Process one frame; an error changes the state and gives None."""

@@ -40,7 +40,7 @@ from sensing.tracking.mounting import MountingWatch
 from sensing.tracking.own_weight import OwnWeight
 from sensing.tracking.zero import Drift, Zero, measure_drift
 from sensing.wrench.contact import ContactDetector, ContactState
-from sensing.wrench.contact_place import line_of_action
+from sensing.wrench.contact_place import contact_centre
 from sensing.wrench.filter import FilterConfig, WrenchFilter
 from sensing.wrench.plane_contact import NO_CONTACT, PlaneContactLaw
 from sensing.wrench.relaxation import RateFilter
@@ -148,7 +148,7 @@ class Measurement:
         watch.lap("filter")
         nothing = np.full(3, np.nan)
         contact = self.contact = self._detector.update(smooth if seen else replace(smooth, force_n=nothing))
-        centre = line_of_action(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
+        centre = contact_centre(smooth.force_n if seen else nothing, smooth.torque_nm, *self._sphere)
         if used and contact.known:
             self._offset.update(estimate, contact.touching and not self._mounting.untouched)
         smooth = self._offset.widened(smooth)

@@ -78,8 +78,7 @@ class EndcapPipeline:
         self._used: Reference | None = None
         self._measurement: Measurement | None = None
         self._before: Reference | None = None
-        self._restart_wanted, self._undo_wanted = False, False
-        self._note, self._note_until_s = "", 0.0
+        self._restart_wanted, self._undo_wanted, self._note, self._note_until_s = False, False, "", 0.0
         if zero is not None:
             self.set_zero(zero)
         else:
@@ -123,13 +122,10 @@ class EndcapPipeline:
         return self._before is not None
 
     def request_zero(self, confirmed: bool = False) -> str:
-        """Take a new reference from the next frames; the old one is used until then, and kept if the new is refused.
+        """Take a new reference from the next frames, or keep the old one; returns the reason of a refusal, or "".
 
         Args:
             confirmed: take it although the endcap is touched, or looks pressed.
-
-        Returns:
-            Reason of a refusal; empty if the request is accepted.
         """
         contact = None if self._measurement is None else self._measurement.contact
         if self.zero_frames == 0:
@@ -140,6 +136,11 @@ class EndcapPipeline:
         self._say("")  # the next note is the answer
         self.taker.ask(confirmed)
         return ""
+
+    def refuse_zero_without_frames(self) -> str:
+        """No frame comes: a new reference would be of whatever the camera shows once it is back, so there is none."""
+        self.taker.cancel()
+        return self._say("not zeroed: no frame comes; zero again when the camera is back")
 
     def request_undo(self) -> str:
         """Return to the last reference, or cancel a request in progress; returns the reason of a refusal, or ""."""

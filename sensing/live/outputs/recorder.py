@@ -29,7 +29,7 @@ from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.index_on_disk import IndexOnDisk
-from sensing.live.outputs.new_recording import create
+from sensing.live.outputs.new_recording import create, put_on_disk, write_soon
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
 from sensing.live.outputs.recorded_tracks import (
     NOTES,
@@ -112,7 +112,7 @@ class Recorder(QueuedSink):
         self._writer = Writer(
             self._stream, chunk_size=1 << 62, compression=compression, enable_data_crcs=True
         )  # chunks are ended here, so that it is known what is in the file
-        self._made, self._index = stream is None, IndexOnDisk()
+        self._made, self._whole, self._index = stream is None, False, IndexOnDisk()
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
 
@@ -211,7 +211,7 @@ class Recorder(QueuedSink):
     def close(self, wait_s: float = 5.0) -> None:
         """Write the queued readings and the end of the file; gives up after ``wait_s``."""
         super().close(wait_s)
-        if not self.ended:
+        if not (self.ended or self._whole):
             self.failed = self.failed or "the disk did not answer in time"
 
     def finish(self) -> None:
@@ -222,6 +222,8 @@ class Recorder(QueuedSink):
                 self._flush()
                 self._writer.finish()
                 self._writer.flush()
+                self._whole = True
+                put_on_disk(self._stream, self.path)
         finally:
             self._index.close()
             self._stream.close()
@@ -254,6 +256,7 @@ class Recorder(QueuedSink):
     def _flush(self) -> None:
         """End the chunk: the readings so far are in the file."""
         self._writer.flush()
+        write_soon(self._stream)
         self.kept, self._bytes, self._flushed_s = self.frames, 0, time.monotonic()
 
     def _diagnose(self, now_s: float, stamp: int) -> None:

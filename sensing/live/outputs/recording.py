@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cad.errors import EndcapError, ParameterError
 from sensing.live.core.seen import Pictures
+from sensing.live.core.sink import reason_of
 from sensing.live.outputs.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class Recording:
         self._sizes: tuple[float, dict[str, Any]] = 0.0, {}
         self._recorder: Recorder | None = None
         self._ended: list[Recorder] = []  # those that are not whole
-        self._said = ""
+        self._said, self._failed = "", False  # of the last one, and whether it is not whole or could not begin
         self._lock = threading.Lock()
 
     @property
@@ -68,7 +69,8 @@ class Recording:
                 self._sizes = now_s, self._look(recorder, now_s)
         pictures = self._pictures if recorder is None else recorder.pictures
         return {
-            "on": self.on, "note": self.note, "pictures": pictures.value,
+            "on": self.on, "note": self.note, "failed": self._failed if recorder is None else bool(recorder.failed),
+            "pictures": pictures.value,
             "files": [path.name for path in self.files], **self._sizes[1],
         }  # fmt: skip
 
@@ -138,7 +140,9 @@ class Recording:
             else:
                 self.stop()
         except EndcapError as error:
-            self._said = str(error)
+            self._said, self._failed = str(error), True
+        except Exception as error:  # a bug in an output must not pass in silence
+            self._said, self._failed = f"recording: {reason_of(error)}", True
         return self.note
 
     def _require(self, pictures: Pictures) -> None:
@@ -162,9 +166,11 @@ class Recording:
         recorder, self._recorder = self._recorder, None
         self._sizes = 0.0, {}
         if recorder is not None:
-            self.files.append(recorder.path)
+            self._said, self._failed = f"{recorder.path}: is being finished", False
             self._run.engine.remove_sink(recorder)
             recorder.close(max(0.0, self._run.patience_s - OTHERS_S))
+            self.files.append(recorder.path)
             self._said = recorder.note
-            if recorder.failed or recorder.dropped:
+            self._failed = bool(recorder.failed or recorder.dropped)
+            if self._failed:
                 self._ended.append(recorder)

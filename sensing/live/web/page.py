@@ -162,11 +162,15 @@ class PageServer:
         elif press.word == "note":
             self._recording.add_note(press.text)
         elif press.word == "record_start":
-            self._recording.switch(True, list(Pictures)[press.value])
+            self._switch(True, list(Pictures)[press.value])
         elif press.word == "record_stop":
-            self._recording.switch(False)
+            self._switch(False)
         elif playback is not None:
             _steer(playback, press)
+
+    def _switch(self, *asked: bool | Pictures) -> None:
+        """Start or stop the recording in a thread of its own: a disk may take its time, and the page goes on."""
+        threading.Thread(target=self._recording.switch, args=asked, daemon=True).start()
 
     def _show(self, number: int) -> None:
         """Details of an endcap, and its picture if that is new; without a valid reading, the newest frame."""

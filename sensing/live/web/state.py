@@ -34,7 +34,7 @@ def hello(run: LiveRun) -> dict[str, Any]:
         }
         for endcap in run.config.endcaps
     ]
-    return {"hello": endcaps, "weight_n": run.config.weight_n, "model": run.config.model}
+    return {"hello": endcaps, "begun_s": run.begin_s, "weight_n": run.config.weight_n, "model": run.config.model}
 
 
 def state(run: LiveRun, recording: Recording) -> dict[str, Any]:

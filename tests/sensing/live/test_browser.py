@@ -19,7 +19,7 @@ def test_a_recording_is_started_and_stopped_by_the_button_that_says_so(stage):
     wait_for(lambda: path.stat().st_size > WEIGHTS_BYTES + 200_000)
     stage.click("record", "latest.recording.on")
     stage.tab.until("live() && !latest.recording.on && $('record').textContent === 'Start recording'")
-    assert "frames recorded" in stage.tab.value("latest.recording.note")
+    stage.tab.until("latest.recording.note.includes('frames recorded')")
     check = verify(path, read_config(path), lambda _: stand_in())
     assert check.frames > 5 and check.different == 0 and check.end is None
     path.unlink()

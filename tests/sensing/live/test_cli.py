@@ -90,7 +90,8 @@ def test_what_corrects_the_forces_is_said_at_the_start_and_on_the_page(tmp_path,
     assert "a: calibrated by weight: gain 0.900" in out
     assert "a: rate effects corrected: 6.2 % in 0.17 s, 4.2 % in 1.3 s" in out
     config = load_config(path)
-    shown = hello(SimpleNamespace(config=replace(config, endcaps=(*config.endcaps, EndcapConfig("b", "1")))))["hello"]
+    both = replace(config, endcaps=(*config.endcaps, EndcapConfig("b", "1")))
+    shown = hello(SimpleNamespace(config=both, begin_s=0.0))["hello"]
     assert [each["rate_effects"][:16] for each in shown] == ["corrected: 6.2 %", ""]
 
 

@@ -20,7 +20,7 @@ from sensing.records import ShearField
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.wrench.contact import threshold_from_rest
-from sensing.wrench.contact_place import line_of_action
+from sensing.wrench.contact_place import contact_centre
 from sensing.wrench.load_scale import load_scale
 from sensing.wrench.model import WrenchModel, load_wrench_model
 from sensing.wrench.stiffness import weights_digest
@@ -132,8 +132,8 @@ def test_the_threshold_that_setup_measures_goes_with_the_endcaps_forces():
 def test_a_place_is_known_of_a_force_in_contact_however_soft_the_dome():
     """Contact begins at 0.04 N on the softest dome."""
     force = np.array([0.0, 0.0, -0.04])
-    assert line_of_action(force, np.zeros(3), 125.0, 0.0, 0.038).position_mm == pytest.approx([0, 0, 125.0])
-    assert np.isnan(line_of_action(force, np.zeros(3), 125.0, 0.0).position_mm).all()
+    assert contact_centre(force, np.zeros(3), 125.0, 0.0, 0.038).position_mm == pytest.approx([0, 0, 125.0])
+    assert np.isnan(contact_centre(force, np.zeros(3), 125.0, 0.0).position_mm).all()
 
 
 @pytest.mark.parametrize(("wall_mm", "name"), [(8, "Smooth-Sil 950"), (6.5, "Ecoflex 00-30"), (25, "Smooth-Sil 950")])

@@ -7,6 +7,7 @@ import random
 import re
 import signal
 import socket
+import threading
 from pathlib import Path
 
 import cv2
@@ -61,6 +62,21 @@ def test_buttons_zero_and_record(site):
             talk(site, press_button("zero_confirmed", 2)) and site.run.engine.endcaps[2].pipeline.zero.digest != epoch
         )
     )
+
+
+def test_a_disk_that_takes_its_time_to_end_a_recording_holds_no_page_up(site, monkeypatch):
+    asked, answers = threading.Event(), threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda _: (asked.set(), answers.wait(PATIENCE_S)))
+    wait_for(lambda: talk(site, press_button("record_start")) and site.recording.on)
+    count = len(site.recording.files)
+    try:
+        wait_for(lambda: talk(site, press_button("record_stop")) and asked.wait(0.1))
+        reported = json.loads(talk(site, '{"do":"show","endcap":0}')[1])["recording"]
+        assert not answers.is_set() and not reported["on"] and "is being finished" in reported["note"]
+    finally:
+        answers.set()
+    wait_for(lambda: len(site.recording.files) == count + 1)
+    assert "frames recorded" in site.recording.note
 
 
 def test_a_button_acts_on_what_was_seen_lately_and_never_on_what_is_old():

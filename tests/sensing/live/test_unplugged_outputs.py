@@ -2,15 +2,18 @@
 
 import itertools
 import os
+import socket
 import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from live_program import program
 from live_stand_in import PATIENCE_S, a_reading, endless, film, frames, pipeline
 
+from sensing.live.cli import _never_came
 from sensing.live.core.engine import LiveEndcap
-from sensing.live.core.feed import CameraFeed
+from sensing.live.core.feed import CameraFeed, FileFeed
 from sensing.live.core.state import Event
 from sensing.live.endcap import Endcap
 from sensing.live.outputs import ros_types as ros
@@ -78,3 +81,22 @@ def test_a_stream_says_once_that_a_camera_is_unplugged_and_goes_on_with_it():
             if len(seen) > 2 and np.isfinite(wrench.force_n).all() and any(np.isnan(w.force_n).all() for w in seen):
                 break
     assert sum(bool(np.isnan(wrench.force_n).all()) for wrench in seen) == 1
+
+
+def test_a_camera_that_gives_no_number_in_a_run_of_fixed_length_is_a_loss():
+    """A script of ``--seconds`` went on with an empty file."""
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        address = f"http://127.0.0.1:{nobody.getsockname()[1]}/"
+        with program("--url", address, "--no-page", "--json", "--seconds", "1") as process:
+            assert process.wait(PATIENCE_S) == 1
+            said = process.stderr.read().splitlines()[-1]
+    assert said.startswith(f"sensing.live: endcap_0: no number came from {address} (unplugged: ")
+
+
+def test_a_camera_that_has_given_numbers_is_no_loss_and_nor_is_a_file():
+    pipe, reading = a_reading()
+    camera, file = LiveEndcap(CameraFeed(list), pipe), LiveEndcap(FileFeed(list), pipe)
+    assert "no number came" in _never_came(camera) and _never_came(file) == ""
+    camera.stats.add(reading)
+    assert _never_came(camera) == ""

@@ -111,7 +111,7 @@ def test_a_replay_is_sent_to_a_moment_paused_and_played_over_and_over(stage, tab
     tab.value("$('pictures').value = 2")
     stage.click("record")
     stage.click("record", "latest.recording.on && latest.recording.frames > 30")
-    tab.until("!latest.recording.on")
+    tab.until("!latest.recording.on && latest.recording.note.includes('frames recorded')")
     (path,) = stage.recordings()
     words = ("--replay", path.name, "--port", "0", "--at-end", "stay", "--speed", "4")
     try:

@@ -2,16 +2,21 @@
 
 import itertools
 import re
+import threading
+import time
 
 import cv2
 import numpy as np
 import pytest
-from live_stand_in import SHAPE, LinearModel, film, pipeline, wait_for
+from live_stand_in import SHAPE, LinearModel, film, frames, pipeline, wait_for
 
 from sensing.live.core.endcap_config import EndcapConfig
+from sensing.live.core.engine import Engine, LiveEndcap
+from sensing.live.core.feed import CameraFeed
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.reference import PressedError, ReferenceTaker, misplaced_px
 from sensing.records import Frame
+from sensing.sources.newest import SourceError
 
 SIZE = (640, 480)
 
@@ -148,3 +153,31 @@ def stand_in_build(zero):
     from sensing.tracking.model_input import model_input
 
     return model_input(zero.frame(), SHAPE, EndcapConfig("a", "0").params)
+
+
+def test_a_zero_asked_for_while_the_camera_is_gone_is_refused_and_not_taken_once_it_is_back(press):
+    """It waited, for minutes: whatever the endcap carried when the camera came back became the reference."""
+    plugged = threading.Event()
+    plugged.set()
+
+    def source():
+        for count in itertools.count():
+            if not plugged.is_set():
+                raise SourceError("test: no such camera")
+            time.sleep(1 / 60)
+            yield frames(press[count % 12 : count % 12 + 1], time.monotonic())[0]
+
+    endcap = LiveEndcap(CameraFeed(source), pipeline(zero_frames=10))
+    with Engine([endcap]):
+        wait_for(lambda: endcap.stats.frames > 3)
+        zero = endcap.pipeline.zero
+        plugged.clear()
+        wait_for(lambda: endcap.health.status == "unplugged")
+        assert endcap.pipeline.request_zero() == ""  # as just before it went
+        wait_for(lambda: not endcap.pipeline.taker.collecting)
+        assert "not zeroed: no frame comes" in endcap.health.message
+        assert "no frame comes" in endcap.zero() and not endcap.pipeline.taker.collecting
+        plugged.set()
+        last = endcap.stats.frames
+        wait_for(lambda: endcap.stats.frames > last + 12)
+        assert endcap.pipeline.zero is zero and not endcap.pipeline.taker.computing

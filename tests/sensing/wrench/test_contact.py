@@ -13,7 +13,7 @@ from sensing.wrench.contact import (
     autocorrelation_time,
     threshold_from_rest,
 )
-from sensing.wrench.contact_place import line_of_action
+from sensing.wrench.contact_place import contact_centre
 
 PARAMS = EndcapParams(130, 8)
 
@@ -106,7 +106,7 @@ def test_hysteresis_and_unusable_frames():
 def pressure_centre(force, torque):
     """Centre of pressure of a force and its torque about the endcap's origin."""
     about_centre = torque - np.cross([0, 0, PARAMS.centre_height_mm / 1000], force)
-    return line_of_action(np.array(force, float), about_centre, PARAMS.outer_radius_mm, PARAMS.centre_height_mm)
+    return contact_centre(np.array(force, float), about_centre, PARAMS.outer_radius_mm, PARAMS.centre_height_mm)
 
 
 def test_pressure_centre_of_a_force_at_a_point():
@@ -117,10 +117,32 @@ def test_pressure_centre_of_a_force_at_a_point():
         touch = PARAMS.outer_radius_mm * outward + [0, 0, PARAMS.centre_height_mm]
         side = np.cross(outward, rng.normal(size=3))
         force = -5 * outward + 3 * side / np.linalg.norm(side)
-        spin = 0.02 * force / np.linalg.norm(force)
-        centre = pressure_centre(force, np.cross(touch / 1000, force) + spin)
+        centre = pressure_centre(force, np.cross(touch / 1000, force))
         assert np.allclose(centre.position_mm, touch, atol=1e-9)
-        assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(0.02)
+        assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("spin_nm", [-0.06, 0.06])
+def test_the_place_of_a_contact_that_pivots_is_not_moved_by_its_friction_about_the_normal(spin_nm):
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        outward = rng.normal(size=3)
+        outward /= np.linalg.norm(outward)
+        touch = PARAMS.outer_radius_mm * outward + [0, 0, PARAMS.centre_height_mm]
+        side = np.cross(outward, rng.normal(size=3))
+        force = -5 * outward + 3 * side / np.linalg.norm(side)
+        centre = pressure_centre(force, np.cross(touch / 1000, force) + spin_nm * outward)
+        assert np.allclose(centre.position_mm, touch, atol=1e-9)
+        assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(spin_nm)
+
+
+def test_a_couple_that_no_contact_can_transmit_leaves_the_place_on_the_line():
+    force, touch = np.array([0.0, -3.0, -4.0]), np.array([0.0, 0.0, 65 + PARAMS.centre_height_mm])
+    torque = np.cross(touch / 1000, force)
+    couple = 0.5 * force / 5  # over 4 N that is more than the sphere's radius
+    assert np.allclose(pressure_centre(force, torque + couple).position_mm, touch, atol=1e-9)
+    assert pressure_centre(force, torque + couple).spin_nm == pytest.approx(0.5, rel=1e-9)
+    assert not np.allclose(pressure_centre(force, torque + 0.1 * couple).position_mm, touch, atol=0.5)
 
 
 def test_a_line_that_misses_the_sphere_and_no_force():

@@ -3,18 +3,26 @@
 const $ = (id) => document.getElementById(id);
 const CHANNEL_PX = 200; // the field's unit: pixels of the 200 x 200 centre crop
 const QUIET_MS = 1000; // no answer for so long: what is shown is old
+const DEAD_MS = 5000; // no answer for so long: the connection may lead nowhere, and no browser says so for minutes
+const RETRY_MS = 1000; // after a connection was refused or closed
 const KEPT = "endcap chosen"; // in the browser's storage, so that a reload shows the same endcap
-let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], corrected = [], weight_n = 0, sought = null, kinds = null;
+let socket = null, chosen = 0, names = [], bitmap = null, latest = null, answeredAt = -Infinity, unanswered = 0, asked = null, weighed = [], corrected = [], weight_n = 0, sought = null, kinds = null, begun_s = null, retryAt = Infinity, focused = null;
+const SWITCHED = ["zero", "zero_all", "confirm", "record", "play", "seek", "loop", "speed", "note_add"]; // off while there is no answer
 const declined = new Set(); // endcaps whose refusal was read
 window.drawn = 0; window.shown = null; // states drawn, and the last of them, for tests
 
 function connect() {
+  if (socket) { socket.onmessage = socket.onclose = null; socket.close(); }
+  retryAt = performance.now() + DEAD_MS;
   socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/ws");
   socket.binaryType = "blob";
   unanswered = 0;
   socket.onmessage = async (event) => {
+    retryAt = performance.now() + DEAD_MS;
     if (typeof event.data !== "string") {
+      const last = bitmap;
       try { bitmap = await createImageBitmap(event.data); } catch { bitmap = null; } // a damaged picture
+      if (last) last.close(); // its memory, of which the browser's collector knows nothing
       return;
     }
     const news = JSON.parse(event.data);
@@ -22,7 +30,7 @@ function connect() {
     else { unanswered -= 1; latest = news; answeredAt = performance.now(); Plots.remember(news); watch(); requestAnimationFrame(() => draw(news)); }
     if (unanswered <= 0) send("show");
   };
-  socket.onclose = () => { watch(); setTimeout(connect, 1000); };
+  socket.onclose = () => { retryAt = performance.now() + RETRY_MS; watch(); };
 }
 
 function send(word, more = {}) {
@@ -34,28 +42,41 @@ function send(word, more = {}) {
 // Whether what is shown is of now: it is not when the run is stopped, or the server or the connection gone.
 function live() { return latest !== null && socket.readyState === 1 && performance.now() - answeredAt < QUIET_MS; }
 
-// A button acts now or never: nothing is kept for later.
+// A button acts now or never: nothing is kept for later. Returns whether it could act.
 function press(word, more) {
   watch();
-  if (!live()) return;
+  if (!live()) return false;
   close_question();
   const endcap = latest.endcaps[chosen];
   if (word === "zero" && endcap.contact) question(`${endcap.name} is touched (${endcap.force_norm_n.toFixed(1)} N): a reference taken now makes every later number wrong by that.`);
   else send(word, more);
+  return true;
 }
 
-function question(text) { asked = chosen; $("question").textContent = text; $("ask").classList.add("open"); }
-function close_question() { asked = null; $("ask").classList.remove("open"); }
+// The focus goes with the question where the button that leads to it has it, and back.
+function question(text) {
+  asked = chosen; $("question").textContent = text; $("ask").classList.add("open");
+  if (document.activeElement === $("zero")) $("cancel").focus();
+}
+function close_question() {
+  const within = $("ask").contains(document.activeElement);
+  asked = null; $("ask").classList.remove("open");
+  if (within) $("zero").focus();
+}
 
 // Greys everything out, with its age, and switches the buttons off while there is no answer.
 function watch() {
+  if (performance.now() > retryAt) connect();
   const good = live(), age = Math.round((performance.now() - answeredAt) / 1000);
   document.body.classList.toggle("stale", !good);
-  write("lost", good ? "" : latest === null ? "No connection to sensing.live; trying again." : `No answer from sensing.live for ${age} s: everything below is as old as that.`);
+  write("lost_said", good ? "" : latest === null ? "No connection to sensing.live; trying again." : "No answer from sensing.live");
+  write("lost_age", good || latest === null ? "" : ` for ${age} s: everything below is as old as that.`); // apart: a screen reader says the rest once
   if (!good) close_question();
   const endcap = good ? latest.endcaps[chosen] : null, fixed = good && latest.replay !== null; // references of a replay are the recording's
+  if (!good && SWITCHED.includes(document.activeElement?.id)) focused = document.activeElement; // a button that is switched off loses it
   for (const id of ["zero", "zero_all", "confirm"]) $(id).disabled = !good || fixed;
-  for (const id of ["record", "play", "seek", "loop", "speed", "note_add"]) $(id).disabled = !good;
+  for (const id of SWITCHED.slice(3)) $(id).disabled = !good;
+  if (good && focused) { if (document.activeElement === document.body) focused.focus(); focused = null; }
   $("undo").disabled = !(endcap && endcap.undoable);
   if (!good && latest) {
     write("robot", `unknown; touching ${age} s ago: ${latest.touching.join(", ") || "none"}`);
@@ -71,6 +92,9 @@ function watch() {
 function begin(shown) {
   Scene.set(shown.hello);
   Dome.set(shown.hello);
+  if (shown.begun_s === begun_s) return; // the same run after a lost connection: plots, cards and choice stay
+  begun_s = shown.begun_s; latest = window.shown = bitmap = null;
+  declined.clear(); close_question(); held(false);
   weighed = shown.hello.map((endcap) => endcap.weighed);
   corrected = shown.hello.map((endcap) => endcap.rate_effects);
   weight_n = shown.weight_n;
@@ -139,9 +163,11 @@ function recording(now) {
   $("pictures").disabled = now.on;
   if (kinds !== now.pictures) { kinds = now.pictures; $("pictures").value = ["full", "half", "none"].indexOf(kinds); }
   $("note_form").hidden = !now.on;
+  $("record_said").classList.toggle("bad", now.failed);
   const left = now.minutes_left > 120 ? `${Math.round(now.minutes_left / 60)} h` : `${now.minutes_left} min`;
   const size = now.on && now.name ? `${now.name}: ${clock(now.seconds)}, ${now.size_mb} MB, ${now.mb_per_min} MB/min, ${gigabytes(now.free_mb)} free (${left}), ${now.frames} frames${now.lost ? `, ${now.lost} lost to a slow disk` : ""}` : now.note;
-  write("record_note", size);
+  write("record_note", now.on ? size : "");
+  write("record_said", now.on ? "" : now.note);
   $("recording").hidden = !now.note && !now.files.length;
   if ($("files").children.length !== now.files.length) $("files").replaceChildren(...now.files.map((name, k) => Object.assign(document.createElement("a"), { href: `recording/${k}`, download: name, textContent: `Download ${name}` })));
 }
@@ -182,8 +208,10 @@ function image(detail, endcap) {
   }
   if (detail.field.length) arrows(g, detail, s);
   const words = detail.preview !== undefined ? detail.preview : detail.dots.length ? `${endcap.dots} of ${endcap.dots_known} dots` : "";
-  write("image_note", words);
-  if (canvas.getAttribute("aria-label") !== `picture of ${endcap.name}: ${words}`) canvas.setAttribute("aria-label", `picture of ${endcap.name}: ${words}`);
+  const old = ["silent", "unplugged"].includes(endcap.status) && endcap.age_ms !== null ? `no newer picture for ${Math.round(endcap.age_ms / 1000)} s` : "";
+  const note = [words, old].filter(Boolean).join("; ");
+  write("image_note", note);
+  if (canvas.getAttribute("aria-label") !== `picture of ${endcap.name}: ${note}`) canvas.setAttribute("aria-label", `picture of ${endcap.name}: ${note}`);
 }
 
 function arrows(g, detail, s) {
@@ -229,17 +257,20 @@ function zeroed(endcap) {
   return `${when.toLocaleString()} (${ago} ago)`;
 }
 
+function held(on) { $("hold").textContent = on ? "Run plots" : "Pause plots"; $("hold").setAttribute("aria-pressed", on); }
+
 for (const id of ["zero", "zero_all", "undo"]) $(id).onclick = () => press(id);
 $("record").onclick = () => (latest && latest.recording.on ? press("record_stop") : press("record_start", { value: +$("pictures").value }));
 $("confirm").onclick = () => press("zero_confirmed");
 $("cancel").onclick = () => { declined.add(chosen); close_question(); };
-$("note_form").onsubmit = (event) => { event.preventDefault(); press("note", { text: $("note").value.trim() }); $("note").value = ""; };
+$("ask").onkeydown = (event) => { if (event.key === "Escape") $("cancel").click(); };
+$("note_form").onsubmit = (event) => { event.preventDefault(); if (press("note", { text: $("note").value.trim() })) $("note").value = ""; };
 $("play").onclick = () => press("replay_pause", { value: latest.replay.paused ? 0 : 1 });
 $("seek").oninput = seek;
 $("loop").onchange = () => press("replay_loop", { value: $("loop").checked ? 1 : 0 });
 $("speed").onchange = () => press("replay_speed", { value: +$("speed").value });
 $("window").onchange = () => { Plots.length(+$("window").value); again(); };
-$("hold").onclick = () => { const on = Plots.hold($("hold").textContent === "Pause plots", chosen, window.shown ? window.shown.time_s : 0); $("hold").textContent = on ? "Run plots" : "Pause plots"; $("hold").setAttribute("aria-pressed", on); again(); };
+$("hold").onclick = () => { held(Plots.hold($("hold").textContent === "Pause plots", chosen, window.shown ? window.shown.time_s : 0)); again(); };
 Plots.listen($("plots"), again);
 Draw.hand($("scene"), Scene.view, again);
 Draw.hand($("dome"), Dome.view, again);

@@ -26,7 +26,7 @@ const Plots = (() => {
       const kept = history[k], rows = kept.rows, last = rows[rows.length - 1];
       if (!endcap.valid) kept.gap = true;
       else {
-        if (last && endcap.time_s < last.t) { rows.length = 0; if (held) hold(false); }
+        if (last && endcap.time_s < last.t) rows.length = 0; // a replay that begins again; what is paused stays
         if (!last || endcap.time_s > last.t) {
           rows.push({ t: endcap.time_s, w: endcap.force_n.concat(endcap.torque_nm), sd: endcap.sd, first: kept.gap || !last || endcap.time_s - last.t > 1 });
           kept.gap = false;

@@ -8,6 +8,7 @@ of a motion the set holds the end of each exposure, not its beginning.
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
@@ -27,20 +28,33 @@ from sensing.simulator.solid.surface import turn_wrench
 
 # Options that may differ between sensors; all others must be those with which the states were solved.
 OF_THE_SENSOR = {"frames", "azimuths", "render", "lamp", "sensor", "unpainted", "missing", "smeared", "extra"}
+OF_THE_SILICONE = ("c10_mpa", "bulk_mpa", "poisson", "prony")  # numbers of its row that decide the states
 
 
 def require_same_states(folder: Path, request: DataRequest) -> None:
     """Refuse a set whose states are not those of a request.
 
+    Args:
+        folder: of the set.
+        request: whose states are wanted.
+
     Raises:
         FileError: no such set.
-        ParameterError: other options, pictures instead of states, or a protocol of motions.
+        ParameterError: other options, other numbers of the silicone, pictures instead of states, or a protocol of
+            motions.
     """
     found = ADDED_SINCE | read_manifest(folder)["request"]
     other = [f.name for f in fields(request) if found.get(f.name) != getattr(request, f.name)]
     other = [name for name in other if name not in OF_THE_SENSOR]
+    here = json.loads(json.dumps(request.record()))
+    law = [name for name in OF_THE_SILICONE if name in found and found[name] != here[name]]
     said = ""
-    if other:
+    if law and not other:
+        said = (
+            f"was solved with {', '.join(f'{name}={found[name]}' for name in law)} of {request.silicone}, and its row "
+            f"of cad/materials.csv has {', '.join(f'{name}={here[name]}' for name in law)} now: solve it again"
+        )
+    elif other:
         said = f"was made with {', '.join(f'{name}={found.get(name)}' for name in other)}: give the same options"
     elif found.get("render") != "off":
         said = "holds pictures and no states: write one with --render off"

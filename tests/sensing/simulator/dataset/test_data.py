@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +13,18 @@ import numpy as np
 import pytest
 from small_data import short_path, small_request
 
+from cad import materials
 from cad.dots import dot_pattern
 from cad.errors import EndcapError, FileError, ParameterError
+from cad.materials import silicones
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
+from sensing.set_manifest import FORMAT
 from sensing.simulator.__main__ import main
 from sensing.simulator.dataset.frames import STEPS_A_PATH, _labels, noise_number, shard_arrays, world_pose
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState
+from sensing.simulator.dataset.stored import require_same_states
 from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import Waypoint
@@ -115,6 +120,20 @@ def test_stored_states_give_what_solving_them_gives(small_set: Path, tmp_path: P
             write_dataset(request, tmp_path / "no", stored=states)
     with pytest.raises(ParameterError, match="holds pictures and no states"):
         write_dataset(small_request(), tmp_path / "no", stored=seen)
+
+
+def test_stored_states_of_a_silicone_whose_row_has_changed_are_refused(tmp_path: Path, monkeypatch) -> None:
+    """They gave the forces of the old numbers in a set that stated the new ones."""
+    solved = replace(small_request(), render="off")
+    states = tmp_path / "states"
+    states.mkdir()
+    (states / "manifest.json").write_text(json.dumps({"format": FORMAT, "request": solved.record()}))
+    require_same_states(states, small_request())
+    rows = dict(silicones())
+    rows["Smooth-Sil 950"] = replace(rows["Smooth-Sil 950"], neo_hooke_c10_mpa=0.3)
+    monkeypatch.setattr(materials, "silicones", lambda: rows)
+    with pytest.raises(ParameterError, match=r"solved with c10_mpa=0\.34, bulk_mpa=.* has c10_mpa=0\.3, .*solve it"):
+        require_same_states(states, small_request())
 
 
 def pictures(arrays: dict[str, np.ndarray]) -> set[bytes]:

@@ -33,7 +33,7 @@ from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, RECORDED, LabelledSet, read_shard
-from sensing.tracking.methods import FieldMethod, field_method
+from sensing.tracking.methods import FieldMethod, field_method, method_code
 from sensing.tracking.model_input import model_input
 from sensing.tracking.zero import single_zero
 
@@ -182,7 +182,7 @@ def read_samples(
 ) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Fields are cached beside the data until the data change, or the camera file of a recording.
+    Fields are cached beside the data until the data change, the camera file of a recording, or a plug-in's code.
 
     Args:
         folder: folder of the frames.
@@ -201,7 +201,7 @@ def read_samples(
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
-    stamp = f"15 {method} {shape} {here.digest} {seen_as} " + " ".join(
+    stamp = f"15 {method}{method_code(method)} {shape} {here.digest} {seen_as} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}"
         for s in (*data.shards, *filter(None, [camera_file(data)]))
     )

@@ -147,6 +147,12 @@ def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet
             f"{samples.fields.shape[2:]}: give weights of the same design",
             name="start",
         )
+    if start.method != samples.method:
+        raise ParameterError(
+            f"start is for fields of {start.method}, the data are fields of {samples.method}: give the same --method",
+            name="start",
+            value=start.method,
+        )
     net = as_net(start)
     net.calibration.fill_(1.0)
     net.tracking.fill_(0.0)

@@ -17,6 +17,7 @@ from cad import plugins
 from cad.errors import ParameterError
 from endcap.command import main
 from sensing.learning.samples import read_samples
+from sensing.live.core.endcaps_file import load_config
 from sensing.simulator.contact import indenter
 from sensing.sources.drawn import Drawing, draw_dots
 
@@ -95,6 +96,19 @@ def test_camera_method_model_and_output_run_live(installed, picture, capsys, mon
     found = [line.split() for line in lines.read_text().splitlines()]
     assert found and {name for name, _ in found} == {"endcap_0"}
     assert float(found[-1][1]) == pytest.approx(-2.0, abs=0.2)
+
+
+def test_one_camera_of_a_plug_in_for_two_endcaps_is_refused_and_a_file_is_not(installed, picture):
+    """Of a copied table both readings would be of one endcap, and the robot's sum would count it twice."""
+    path = installed / "endcaps.toml"
+    for address, refused in (("SN-1", True), (picture, False)):
+        tables = (f'[[endcap]]\nname = "{name}"\nsource = "still:{address}"\n' for name in ("a", "b"))
+        path.write_text("".join(tables))
+        if refused:
+            with pytest.raises(ParameterError, match="a and b have the same source, still:SN-1"):
+                load_config(path)
+        else:
+            assert len(load_config(path).endcaps) == 2
 
 
 def test_outputs_that_raise_are_named_and_another_goes_on(installed, picture, capsys, monkeypatch):

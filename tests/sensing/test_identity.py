@@ -188,6 +188,8 @@ def test_a_configuration_of_another_camera_module_names_the_variable_that_choose
             EndcapError, match=r"start with the module .* \(ENDCAP_CAMERA=NAME .*'released' without ENDC"
         ):
             refused()
+    with pytest.raises(FileError, match=r"\(recorded with the camera module ELP-USBFHD01M-L180\)$"):
+        parsed(recording, path)
 
 
 def test_a_recording_of_a_silicone_that_is_not_here_is_not_called_damaged(tmp_path, monkeypatch):

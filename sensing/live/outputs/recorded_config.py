@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import FileError, ParameterError, printable
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import silicone
 from cad.whole_file import replace_file
 from sensing.live.core.config import LiveConfig
@@ -75,6 +76,7 @@ def about(config: LiveConfig, files: Iterable[CarriedFile], pictures: Pictures =
         "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method,
         "weight_n": config.weight_n, "pictures": pictures.value,
         "files": {file.name: file.digest for file in files},
+        "camera_module": camera_module().name,
         "silicones": {each.silicone: _numbers(each.silicone) for each in config.endcaps if each.own_weight != KEPT},
     }  # fmt: skip
     text = json.dumps(record)
@@ -136,7 +138,9 @@ def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
     except FileError:
         raise
     except ParameterError as error:  # its digest is right: whole, but of what this toolkit does not have
-        raise FileError(f"{path}: {printable(str(error))}") from None
+        module = reported.get("camera_module", RELEASED_MODULE)
+        seen_by = "" if module == camera_module().name else f" (recorded with the camera module {str(module)[:100]})"
+        raise FileError(f"{path}: {printable(f'{error}{seen_by}')}") from None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         said = " ".join(str(error).split())[:200]
         raise FileError(f"{path}: its configuration cannot be read ({said}): the file is damaged") from None

@@ -66,4 +66,7 @@ def test_evaluation_and_intervals_take_it_too(weights, folders, monkeypatch):
 def test_weights_are_fine_tuned_on_fields_of_their_own_method(weights, folders, tmp_path, capsys):
     words = [str(folders[0]), "--method", "dots", "--epochs", "1", "--out", str(tmp_path / "w.safetensors")]
     assert train.main([*words, "--start", str(weights("farneback"))]) == 2
-    assert "start is for fields of farneback, the data are fields of dots: give the same" in capsys.readouterr().err
+    assert (
+        "fields of farneback, the data are D130_T8 (16, 16), fields of dots: give weights of the same"
+        in capsys.readouterr().err
+    )

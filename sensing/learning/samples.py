@@ -28,6 +28,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.camera.chosen_module import other_module_words
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
@@ -197,7 +198,7 @@ def read_samples(
     """
     data = LabelledSet(folder)
     design, here = data.params, identity(data.params)
-    fix = "write the set again, or use the toolkit that wrote it"
+    fix = f"{other_module_words(data.identity, here)}write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()

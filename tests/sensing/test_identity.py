@@ -192,6 +192,15 @@ def test_a_configuration_of_another_camera_module_names_the_variable_that_choose
         parsed(recording, path)
 
 
+def test_data_and_weights_of_another_camera_module_name_the_variable_that_chooses_it(begun, monkeypatch):
+    """They said to write the set again, which takes hours, or to train, where one shell lacked the variable."""
+    path = find_weights(PARAMS)
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    for refused in (lambda: load_wrench_model(PARAMS, path), lambda: read_samples(begun)):
+        with pytest.raises(FileError, match=r"focal_per_row=.*: start with the module that it was made with \(ENDCAP_"):
+            refused()
+
+
 def test_a_recording_of_a_silicone_that_is_not_here_is_not_called_damaged(tmp_path, monkeypatch):
     rows = dict(silicones())
     monkeypatch.setattr(materials, "silicones", lambda: rows)

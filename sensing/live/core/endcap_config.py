@@ -14,10 +14,10 @@ import numpy as np
 
 from cad.errors import ParameterError
 from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity, label_of
-from cad.lens import VARIABLE
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
+from sensing.camera.chosen_module import OTHER_MODULE
 from sensing.frames import Array, rigid
 from sensing.wrench.relaxation import Term, rate_words
 
@@ -27,10 +27,6 @@ SUBTRACTED, KEPT = OWN_WEIGHT = ("subtracted", "kept")
 OF_BEFORE = {  # a file without these
     "silicone": str(RELEASED_SILICONE["name"]), "dots": RELEASED, "lens": RELEASED, "own_weight": KEPT,
 }  # fmt: skip
-OTHER_LENS = (
-    f"start with the module that it was set up with ({VARIABLE}=NAME of cad/cameras.csv; for {RELEASED!r} without "
-    f"{VARIABLE}), or, where another camera was fitted since, "
-)
 RINGS = "-"  # joins the counts of dots of one's own, as in 1-6-10-12
 CAMERA_ONLY = {"rate_hz": "frames a second", "exposure": "exposure"}  # settings that only a camera of this computer has
 
@@ -136,7 +132,7 @@ class EndcapConfig:
             if stated not in ("", here):
                 raise ParameterError(
                     f"{name}={stated!r} of {self.name}: it was set up for that {WORDS[aspect]}, this toolkit has "
-                    f"{here!r}: {OTHER_LENS if name == 'lens' else ''}set it up again with endcap setup",
+                    f"{here!r}: {OTHER_MODULE if name == 'lens' else ''}set it up again with endcap setup",
                     name=name,
                     value=stated,
                 )

@@ -36,6 +36,9 @@ $(if $(SENSES),$(if $(D),$(if $(T),,$(error D without T: give both, as in make $
 DOTTED = $(if $(dots),--dot-rings "$$dots") $(if $(dot_mm),--dot-mm "$$dot_mm")
 DESIGN = $(if $(D),--diameter "$$D" --wall "$$T") $(DOTTED) $(if $(material),--silicone "$$material")
 OTHER = $(D)$(material)$(dots)$(dot_mm)
+# Of another camera module than the released one weights and test data are others, too, and lie apart.
+CAMERA := $(filter-out ELP-USBFHD01M-L180,$(ENDCAP_CAMERA))
+OWN = $(OTHER)$(CAMERA)
 # fab's commands read the variables themselves, as they were typed, out of MAKEFLAGS: no shell comes between.
 ASKED := --make-variables
 
@@ -71,17 +74,17 @@ data: $(VENV)/all.stamp ## labelled, rendered frames: make data N=2000 [D=130 T=
 WRENCH := exports/wrench_train/small.safetensors
 WRENCH_DATA := exports/wrench_train exports/wrench_motion
 SIMULATE = $(BIN)/python -m sensing.simulator data --workers "$${WORKERS:-2}" --tolerance 1e-3
-# With D and T: weights of that design by similarity, where live finds them. Without: a simulation of your own.
-train: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T=10 [material=...] (minutes)
-	@$(if $(OTHER),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
+# With D and T, or another camera: weights by similarity, where live finds them. Without: a simulation of your own.
+train: $(if $(OWN),$(VENV)/all.stamp,$(WRENCH)) ## weights: make train D=180 T=10 [material=...] (minutes)
+	@$(if $(OWN),$(BIN)/python -m sensing.train --design "$${D:-130}" "$${T:-8}" \
 	  $(DOTTED) $(if $(material),--silicone "$$material"),true)
 
 # Of another design: pressed in proportion to the range of its weights.
-TESTED = exports/wrench_test$(if $(OTHER),_D$${D:-130}_T$${T:-8}$(if $(dots),_$${dots})$(if $(dot_mm),_$${dot_mm})$(if $(material),_$${material}))
-evaluate: $(if $(OTHER),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
-	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(OTHER),--loads design) --out "$(TESTED)"
+TESTED = exports/wrench_test$(if $(OWN),_D$${D:-130}_T$${T:-8}$(if $(dots),_$${dots})$(if $(dot_mm),_$${dot_mm})$(if $(material),_$${material})$(if $(CAMERA),_$${ENDCAP_CAMERA}))
+evaluate: $(if $(OWN),$(VENV)/all.stamp,$(WRENCH)) ## errors of the weights on motions never seen: make evaluate [D=180 T=10 material=...]
+	@$(SIMULATE) --frames 1 --seed 101 --protocol dynamic $(DESIGN) $(if $(OWN),--loads design) --out "$(TESTED)"
 	@$(BIN)/python -m sensing.evaluate "$(TESTED)" \
-	  $(if $(OTHER),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
+	  $(if $(OWN),,--weights $(WRENCH) --train $(WRENCH_DATA)) $(OPTIONS)
 
 $(WRENCH): $(VENV)/all.stamp
 	@$(SIMULATE) --frames 1600 --seed 1 --out exports/wrench_train

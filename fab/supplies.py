@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import Any
 from cad.data_table import positive, read_table
 from cad.fasteners import BomLine
 from cad.lens import camera_module
+from cad.materials import silicones
 from cad.mold_layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT, robot_side
 from fab.lift import lift_kg
@@ -22,6 +24,7 @@ from fab.steps.mold import core_passes_gyroid
 
 TABLE = Path(__file__).with_name("supplies.csv")
 KINDS = ("part", "consumable", "tool", "silicone")
+KIT_UNIT = "g"  # of the amount of a silicone
 CUP_TIMES = 5  # E: volume of the foam during degassing, over that of the mix
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
@@ -209,11 +212,19 @@ def silicone_line(mix: Recipe) -> BomLine:
     item = f"{mix.silicone.name}: {mix.part_a_g:.1f} g A, {mix.part_b_g:.1f} g B"
     kit = supplies().get(mix.silicone.name)
     if kit is None:
-        return BomLine(item, grams, "g", "shell", "cast", None, "E", "add its kit to fab/supplies.csv", "silicone")
+        return BomLine(item, grams, "g", "shell", "cast", None, "E", _kit_missing(mix.silicone.name), "silicone")
     count = kit_count(grams, kit.amount)
     order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
     price = None if kit.price_usd is None else count * kit.price_usd
     return BomLine(item, grams, "g", "shell", "cast", price, kit.letter, order, "silicone")
+
+
+def _kit_missing(name: str) -> str:
+    """What the bill says instead of an order; a kit under a name that differs a little is named."""
+    kits = [row.name for row in supplies().values() if row.kind == "silicone"]
+    near = next(iter(difflib.get_close_matches(name, [kit for kit in kits if kit not in silicones()])), "")
+    wrong = f"; its row {near!r} is of no silicone of cad/materials.csv" if near else ""
+    return f"add its kit to fab/supplies.csv under the name {name!r}{wrong}"
 
 
 def bag_size(count: int) -> int:
@@ -260,4 +271,8 @@ def _supply(row: dict[str, str]) -> Supply:
         raise ValueError(f"kind={row['kind']!r} is none of {', '.join(KINDS)}")
     price = positive(row, "price_usd") if row["price_usd"] else None
     amount = positive(row, "amount")
+    if row["kind"] == "silicone" and row["unit"] != KIT_UNIT:
+        raise ValueError(
+            f"unit={row['unit']!r}: the amount of a silicone is what one kit weighs, in {KIT_UNIT}: 1 kg is 1000"
+        )
     return Supply(row["name"], row["kind"], row["order_as"], amount, row["unit"], row["use"], price, row["provenance"])

@@ -110,7 +110,7 @@ def evaluate(
         FileError: what cannot be read.
     """
     network = None if model else _weights_for(LabelledSet(tests[0]), weights)
-    live = model if network is None else live_model("evaluated", network, network.shape)
+    live = model if network is None else live_model("evaluated", network, network.shape, network.method)
     assert live is not None
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=live.shape) if train else None
@@ -148,8 +148,8 @@ def _names(tests: Sequence[Path | str]) -> list[str]:
 
 
 def _filtered(network: WrenchModel, test: Views, data: LabelledSet, name: str) -> dict[str, Score]:
-    """Filtered wrenches of moving contacts; between states at rest no time passes, so that they have none."""
-    if not np.isin(test.dots.phase, MOVING).any() or not (data.column("latency_s") != 0).any():
+    """Filtered wrenches of moving contacts; between states at rest no time passes, and other fields are not kept."""
+    if network.method != "dots" or not (np.isin(test.dots.phase, MOVING).any() and data.column("latency_s").any()):
         return {}
     cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))
     return {

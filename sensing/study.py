@@ -15,7 +15,9 @@ from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 
+from cad.data_table import file_name
 from cad.errors import EndcapError, ParameterError
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, chosen, parse_design, parse_options
@@ -113,7 +115,7 @@ def _map(options: dict[str, str]) -> int:
     designs = grid()
     if asked:
         require_possible(designs, load, error)
-    folder = Path(options["exports"]) / "study"
+    folder = Path(options["exports"]) / _map_name()
     make_folder(folder)  # before minutes of work, which would be lost
     for name in ("map.html", "map.csv"):
         require_place(folder / name)
@@ -127,6 +129,12 @@ def _map(options: dict[str, str]) -> int:
         show(f"{choice.place.label}: {choice.why}")
     show(f"{folder / 'map.html'}: {len(places)} designs and silicones, {sum(p.pareto for p in places)} on the front")
     return 0
+
+
+def _map_name() -> str:
+    """Name of the map's folder: ``study``, and the camera module where it is another one than the released."""
+    module = camera_module().name
+    return "study" if module == RELEASED_MODULE else f"study_{file_name(module)}"
 
 
 def _progress(done: int, total: int) -> None:

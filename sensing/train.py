@@ -146,8 +146,8 @@ def _rescaled(options: argparse.Namespace) -> int:
 def _design(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights of a design from the library of solved states."""
     _require_design(options)
-    from sensing.design.weights import DesignRequest, saved_weights
-    from sensing.wrench.weight_files import find_weights, weights_folder, weights_name
+    from sensing.design.weights import DesignRequest, known_weights, saved_weights
+    from sensing.wrench.weight_files import weights_folder, weights_name
 
     options.diameter, options.wall = options.design
     request = DesignRequest(design_of(options), options.silicone)
@@ -158,7 +158,7 @@ def _design(options: argparse.Namespace, config: FitConfig) -> int:
     _require_out(out)
     if options.copy_to is not None:
         require_place(options.copy_to / out.name)
-    known = find_weights(request.params, request.silicone) if options.unless_there and options.out is None else None
+    known = known_weights(request) if options.unless_there and options.out is None else None
     if known is not None:
         show(f"{known}: weights of {request.params.label} in {request.silicone} are there")
         return _copied(known, options.copy_to)

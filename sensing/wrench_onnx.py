@@ -76,6 +76,7 @@ def onnx_graph(model: WrenchModel, storage: str = "float32") -> ModelProto:
     )  # fmt: skip
     made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR)
     known = {"design": model.design.label, "digest": model.design.digest, "about": json.dumps(model.about)}
+    known["method"] = model.method
     known["identity"] = json.dumps(model.identity.record() if model.identity else None)
     helper.set_model_props(made, known)
     checker.check_model(made)

@@ -131,6 +131,27 @@ def test_the_test_data_of_each_design_have_a_folder_of_their_own(workshop):
     assert words.stdout.splitlines().count("exports/wrench_test_D187.3_T12.6_1-5-11_6.3_Ecoflex") == 2
 
 
+@pytest.mark.parametrize("module", ["ELP-USBFHD01M-L170", "Own 160° lens"])
+def test_weights_and_test_data_of_another_camera_module_are_its_own(workshop, module, monkeypatch):
+    """The weights of the module that ran first stayed, and the test data of a second one were refused for ever."""
+    monkeypatch.setenv("ENDCAP_CAMERA", module)
+    trained = make("train", folder=workshop).stdout.splitlines()
+    assert trained[trained.index("sensing.train") + 1 :][:3] == ["--design", "130", "8"]
+    tested = make("evaluate", folder=workshop).stdout.splitlines()
+    assert tested.count(f"exports/wrench_test_D130_T8_{module}") == 2 and "--weights" not in tested
+    sized = make("evaluate", "D=142", "T=7.5", folder=workshop).stdout.splitlines()
+    assert sized.count(f"exports/wrench_test_D142_T7.5_{module}") == 2
+
+
+@pytest.mark.parametrize("module", [None, "", "ELP-USBFHD01M-L180"])
+def test_weights_of_the_released_camera_module_are_a_simulation_of_ones_own(workshop, module, monkeypatch):
+    monkeypatch.delenv("ENDCAP_CAMERA", raising=False)
+    if module is not None:
+        monkeypatch.setenv("ENDCAP_CAMERA", module)
+    tested = make("evaluate", folder=workshop).stdout.splitlines()
+    assert "exports/wrench_test" in tested and "exports/wrench_train/small.safetensors" in tested
+
+
 def test_the_training_command_of_the_build_sheet_reaches_the_program_as_that_design(workshop):
     params = EndcapParams(142.0, 7.5, parse_rings("1-6-10-12-16-18-20"), 3.5, 0.12)
     done = make(*shlex.split(train_command(params, "Dragon Skin 30"))[1:], folder=workshop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -10,10 +11,13 @@ from pathlib import Path
 import cv2
 import plugin_example
 import pytest
+from pictured_set import write_set
 
 from cad import plugins
 from cad.errors import ParameterError
 from endcap.command import main
+from sensing.learning.samples import read_samples
+from sensing.live.core.endcaps_file import load_config
 from sensing.simulator.contact import indenter
 from sensing.sources.drawn import Drawing, draw_dots
 
@@ -94,6 +98,19 @@ def test_camera_method_model_and_output_run_live(installed, picture, capsys, mon
     assert float(found[-1][1]) == pytest.approx(-2.0, abs=0.2)
 
 
+def test_one_camera_of_a_plug_in_for_two_endcaps_is_refused_and_a_file_is_not(installed, picture):
+    """Of a copied table both readings would be of one endcap, and the robot's sum would count it twice."""
+    path = installed / "endcaps.toml"
+    for address, refused in (("SN-1", True), (picture, False)):
+        tables = (f'[[endcap]]\nname = "{name}"\nsource = "still:{address}"\n' for name in ("a", "b"))
+        path.write_text("".join(tables))
+        if refused:
+            with pytest.raises(ParameterError, match="a and b have the same source, still:SN-1"):
+                load_config(path)
+        else:
+            assert len(load_config(path).endcaps) == 2
+
+
 def test_outputs_that_raise_are_named_and_another_goes_on(installed, picture, capsys, monkeypatch):
     lines, put = installed / "lines.txt", plugin_example.Lines.put
 
@@ -119,6 +136,25 @@ def test_a_field_method_is_used_by_its_name(installed, picture, capsys):
     words = ["--reference", str(picture), "--frame", str(picture), "--out", str(installed / "f.npy")]
     assert main(["field", "--method", "nothing", *words]) == 0
     assert "nothing" in capsys.readouterr().out
+
+
+def test_fields_of_a_method_whose_code_has_changed_are_computed_anew(tmp_path, monkeypatch):
+    """Training took the fields that an earlier version of the plug-in had left beside the data."""
+    code = "import numpy\nfrom plugin_example import Nothing\nfrom sensing.records import ShearField\n"
+    code += "class Mine(Nothing):\n    def update(self, frame):\n"
+    code += "        return ShearField(frame.time_s, numpy.full((2, *self._shape), {}, 'float32'))\n"
+    install(tmp_path / "site", "own-method", "[endcap.field_methods]\nmine = own_method:Mine\n")
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    plugins._entries.cache_clear()
+    data, seen = write_set(tmp_path / "set", 2, 1), []
+    for value in (1.0, 1.0, 2.5):
+        (tmp_path / "site" / "own_method.py").write_text(code.format(value))
+        shutil.rmtree(tmp_path / "site" / "__pycache__", ignore_errors=True)
+        monkeypatch.delitem(sys.modules, "own_method", raising=False)
+        before = {path: path.stat().st_mtime_ns for path in data.glob("fields_*")}
+        seen.append((read_samples(data, "mine", (16, 16)).fields.max(), before))
+    assert [float(most) for most, _ in seen] == [1.0, 1.0, 2.5]
+    assert seen[1][1] == seen[2][1]  # the second time nothing was computed
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ from __future__ import annotations
 import shlex
 
 from cad.design_arguments import design_words
+from cad.identity import RELEASED_SILICONE
 from cad.lens import camera_setting
 from cad.materials import DEFAULT_SILICONE
 from cad.materials import silicone as silicone_row
@@ -89,9 +90,8 @@ def weights_g(params: EndcapParams, silicone_name: str) -> str:
         params: the design.
         silicone_name: row of cad/materials.csv.
     """
-    rows = silicone_row(silicone_name), silicone_row(DEFAULT_SILICONE)
-    shear_mpa, released_mpa = (row.neo_hooke().shear_mpa for row in rows)
-    range_n = RELEASED_LOAD_N * shear_mpa / released_mpa * (params.wall_mm / RELEASED.wall_mm) ** 2
+    stiffer = silicone_row(silicone_name).neo_hooke_c10_mpa / float(RELEASED_SILICONE["c10_mpa"])
+    range_n = RELEASED_LOAD_N * stiffer * (params.wall_mm / RELEASED.wall_mm) ** 2
     least_g, most_g = (
         min(max(float(f"{1000 * part * range_n / GRAVITY_M_S2:.2g}"), LEAST_G), MOST_G) for part in WEIGHED_PARTS
     )

@@ -65,8 +65,8 @@ def require_sliced_for(asked_printer: str, sliced: Mapping[str, Any] | None, wor
     found = sliced["printer"]["name"] if sliced else ""
     if asked_printer and found and found != asked_printer:
         raise ParameterError(
-            f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run `make slice "
-            f"{words} {printer_option(asked_printer)}` first, or leave printer= out",
+            f"printer={asked_printer}: it was sliced for {found}, and the sheet prints those plates: run "
+            f"`{camera_setting()}make slice {words} {printer_option(asked_printer)}` first, or leave printer= out",
             name="printer",
             value=asked_printer,
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.dots import dot_pattern
-from cad.lens import camera_setting
+from cad.lens import camera_module, camera_setting
 from cad.materials import silicone
 from cad.plain_numbers import plain
 from cad.robot_sides import DEFAULT_ROBOT
@@ -109,6 +109,7 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
         ),
         ("silicone in the dome", f"{volume / 1000:.0f} ml, {volume * row.density_g_cm3 / 1000:.0f} g of {row.name}"),
         ("robot", str(manifest.get("robot", DEFAULT_ROBOT))),
+        ("camera", camera_module().name),
         ("gyroid", f"period {manifest['gyroid']['period_mm']:.2f} mm, {100 * manifest['gyroid']['density']:.1f} % TPU"),
     )
     rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(words)}</td></tr>" for name, words in facts)

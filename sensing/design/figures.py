@@ -10,6 +10,8 @@ from enum import Enum
 
 import numpy as np
 
+from cad.identity import identity
+from cad.lens import camera_module
 from cad.pattern import step_deg
 from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
@@ -115,7 +117,7 @@ def _dots(study: Study) -> list[Figure]:
     pitch_mm = study.params.inner_radius_mm * math.radians(step_deg(study.params.dot_rings))
     per_n = study.bound.at(25.0, 0.5 * study.range_n).px_per_n
     return [
-        Figure("dots", "dots seen", len(pixels), "", Source.COMPUTED, "whole, in 640 x 480"),
+        Figure("dots", "dots seen", len(pixels), "", Source.COMPUTED, f"whole, in 640 x 480 of {camera_module().name}"),
         Figure("pitch_mm", "pitch of the dots", pitch_mm, "mm", Source.COMPUTED, "between rings, on the inner sphere"),
         Figure("pitch_px", "pitch in the picture", pitch_px, "px", Source.COMPUTED, "median of nearest neighbours"),
         Figure("px_per_n", "displacement by load, 25 degrees", per_n, "px/N", Source.COMPUTED, "rms over the dots"),
@@ -216,6 +218,7 @@ def as_record(study: Study, lines: list[Figure]) -> dict[str, object]:
     ]
     return {
         "design": asdict(study.params), "digest": study.params.digest, "silicone": study.silicone,
+        "camera": camera_module().name, "identity": identity(study.params, study.silicone).record(),
         "figures": [asdict(line) | {"source": line.source.value} for line in lines], "bounds": bounds,
         "blind": blind_direction(study),
     }  # fmt: skip

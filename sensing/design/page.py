@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from cad.design_arguments import design_words
-from cad.lens import camera_setting
+from cad.lens import camera_module, camera_setting
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.plain_numbers import plain
 from sensing.design.figures import Figure, blind_direction
@@ -15,7 +15,7 @@ from sensing.design.plots import bound_bars, dots_picture, load_curves, map_pane
 from sensing.design.pressed import Study
 from sensing.design.region import Choice, Place
 from sensing.interpreter import typed_command
-from sensing.wrench.weight_files import command_for, find_weights
+from sensing.wrench.weight_files import are_for, command_for, find_weights
 
 # CSS of both pages.
 STYLE = """
@@ -42,7 +42,8 @@ def study_page(study: Study, lines: Sequence[Figure]) -> str:
         lines: its figures.
     """
     params = study.params
-    weights = find_weights(params, study.silicone)
+    found = find_weights(params, study.silicone)
+    weights = found if found and are_for(found, params, study.silicone) else None
     has = f"weights: <code>{escape(str(weights))}</code>" if weights else "no weights yet:"
     train = "" if weights else f"<pre tabindex='0'>{escape(command_for(params, study.silicone))}</pre>"
     pictures = "".join(
@@ -93,7 +94,8 @@ def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) 
     note = (
         "<p>Range, stiffness, bound and mass are computed (library of solved states, closed forms), cost is estimated "
         "(silicone at 40 dollars a kg for every kind, PLA of our mold at 20, with R squared). All but mass and cost go "
-        "with the shear modulus, so the maps of two silicones differ by a factor.</p>"
+        "with the shear modulus, so the maps of two silicones differ by a factor. The bound, and with it the error, is "
+        f"that of the camera module {escape(camera_module().name)}.</p>"
     )
     return _page("Designs that can be made, and what each will feel", answer + note + panels)
 

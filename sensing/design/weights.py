@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cad.materials import DEFAULT_SILICONE, silicone
+from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.pattern import rings_text
 from sensing.design.unfinished import unfinished
@@ -34,7 +35,7 @@ from sensing.simulator.similarity.paths import library_paths
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.wrench.model import WrenchModel
-from sensing.wrench.weight_files import BY_SIMILARITY, MADE_BY
+from sensing.wrench.weight_files import BY_SIMILARITY, MADE_BY, are_for, find_weights
 
 AZIMUTHS, PICTURE_AZIMUTHS = 8, 1  # of every state: for training; in pictures that scale the covariance
 Say = Callable[[str], None]
@@ -81,6 +82,19 @@ class DesignRequest:
             dot_rings=rings_text(self.params.dot_rings), dot_mm=self.params.dot_mm,
             azimuths=azimuths, render=render, lamp="steady", loads="design",
         )  # fmt: skip
+
+
+def known_weights(request: DesignRequest) -> Path | None:
+    """File that live takes for a design; None without one, and where the row of its silicone or camera has changed.
+
+    Args:
+        request: the design.
+    """
+    known = find_weights(request.params, request.silicone)
+    if known is None or are_for(known, request.params, request.silicone):
+        return known
+    LOG.info(f"{known}: damaged, or made with other numbers of silicone or camera than the tables have: made anew")
+    return None
 
 
 def saved_weights(out: Path, request: DesignRequest, config: FitConfig, say: Say) -> WrenchModel:

@@ -172,7 +172,7 @@ def _judged(model: WrenchModel, data: LabelledSet) -> LiveAnswers:
     weights = {name: value for name, value in model.weights.items() if name not in TRACKING}
     limits = replace(model.range, interval_n=math.inf)
     model = replace(model, weights=weights, range=limits, about={**model.about, SIMULATED: False})
-    live = live_model("calibrated", model, model.shape)
+    live = live_model("calibrated", model, model.shape, model.method)
     camera = camera_of_set(data)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "camera.json"

@@ -141,11 +141,12 @@ def _straight(samples: Samples, principal: Array, side: int) -> Array:
 
 
 def _started(start: WrenchModel, samples: Samples, components: int) -> WrenchNet:
-    if start.design.digest != samples.design.digest or start.shape != samples.fields.shape[2:]:
+    of_start = start.design.label, start.shape, start.method
+    of_data = samples.design.label, samples.fields.shape[2:], samples.method
+    if start.design.digest != samples.design.digest or of_start[1:] != of_data[1:]:
+        said, seen = ("{} {}, fields of {}".format(*each) for each in (of_start, of_data))
         raise ParameterError(
-            f"start is for {start.design.label} {start.shape}, the data are {samples.design.label} "
-            f"{samples.fields.shape[2:]}: give weights of the same design",
-            name="start",
+            f"start is for {said}, the data are {seen}: give weights of the same design and --method", name="start"
         )
     net = as_net(start)
     net.calibration.fill_(1.0)

@@ -28,12 +28,13 @@ from cad.materials import DEFAULT_SILICONE
 from cad.messages import transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.camera.chosen_module import other_module_words
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, RECORDED, LabelledSet, read_shard
-from sensing.tracking.methods import FieldMethod, field_method
+from sensing.tracking.methods import FieldMethod, field_method, method_code
 from sensing.tracking.model_input import model_input
 from sensing.tracking.zero import single_zero
 
@@ -182,7 +183,7 @@ def read_samples(
 ) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Fields are cached beside the data until the data change, or the camera file of a recording.
+    Fields are cached beside the data until the data change, the camera file of a recording, or a plug-in's code.
 
     Args:
         folder: folder of the frames.
@@ -197,11 +198,11 @@ def read_samples(
     """
     data = LabelledSet(folder)
     design, here = data.params, identity(data.params)
-    fix = "write the set again, or use the toolkit that wrote it"
+    fix = f"{other_module_words(data.identity, here)}write the set again, or use the toolkit that wrote it"
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
-    stamp = f"15 {method} {shape} {here.digest} {seen_as} " + " ".join(
+    stamp = f"15 {method}{method_code(method)} {shape} {here.digest} {seen_as} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}"
         for s in (*data.shards, *filter(None, [camera_file(data)]))
     )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +23,27 @@ METHODS = ("dots", "gelslim", "farneback", "dis", "lk", "dense")
 def known_methods() -> tuple[str, ...]:
     """Names of the methods here and of those that plug-ins add."""
     return (*METHODS, *(name for name in plugins.names(plugins.Kind.FIELD_METHOD) if name not in METHODS))
+
+
+def method_code(name: str) -> str:
+    """SHA-256 of the Python files of the package that adds a method; empty for the methods here.
+
+    What is kept of a method's fields holds only for the code that computed them.
+
+    Args:
+        name: one of :func:`known_methods`.
+
+    Raises:
+        ParameterError: a plug-in that cannot be imported.
+    """
+    if name in METHODS or name not in plugins.names(plugins.Kind.FIELD_METHOD):
+        return ""
+    made = plugins.load(plugins.Kind.FIELD_METHOD, name)
+    package = sys.modules.get(str(getattr(made, "__module__", "")).partition(".")[0])
+    files = [path for folder in getattr(package, "__path__", ()) for path in Path(folder).rglob("*.py")]
+    if not files and (own := getattr(package, "__file__", None)):
+        files = [Path(own)]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(files))).hexdigest()
 
 
 class FieldMethod(Protocol):

@@ -27,6 +27,7 @@ from cad.identity import MUST_AGREE, Identity, identity, recorded, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
+from sensing.camera.chosen_module import other_module_words
 from sensing.records import ShearField, Wrench
 from sensing.wrench.kernels import estimate_many, estimate_one, input_of
 from sensing.wrench.load_scale import load_scale, recorded_shear_mpa
@@ -250,8 +251,9 @@ def load_wrench_model(
         )
     if design is not None:
         made = command_for(design, silicone or DEFAULT_SILICONE)
-        fix = f"make them with {made}; of another silicone, weigh it (docs/weigh.md)"
-        require_same(path, "weights", model.identity, identity(design, silicone), fix, MUST_AGREE)
+        here = identity(design, silicone)
+        fix = f"{other_module_words(model.identity, here)}make them with {made}; of another silicone, weigh it"
+        require_same(path, "weights", model.identity, here, f"{fix} (docs/weigh.md)", MUST_AGREE)
     return model
 
 

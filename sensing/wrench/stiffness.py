@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cad.materials import silicone
 from sensing.records import Wrench
+from sensing.wrench.load_scale import RELEASED_SHEAR_MPA
 from sensing.wrench.model import WrenchModel
 
 OTHER_WEIGHTS = "gain_of_other_weights"  # flag of wrenches whose gain was found with another network
@@ -41,7 +41,7 @@ class Stiffness:
 
 def shear_mpa_of(estimator: object) -> float:
     """Shear modulus of the silicone that a model was trained on, MPa; of the default one for models without it."""
-    return estimator.shear_mpa if isinstance(estimator, WrenchModel) else silicone().neo_hooke().shear_mpa
+    return estimator.shear_mpa if isinstance(estimator, WrenchModel) else RELEASED_SHEAR_MPA
 
 
 def load_scale_of(estimator: object) -> float:

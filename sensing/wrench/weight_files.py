@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cad.data_table import file_name
 from cad.design_arguments import design_words
-from cad.errors import FileError
+from cad.errors import FileError, ParameterError
+from cad.identity import MUST_AGREE, differing, identity, recorded
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
@@ -56,13 +57,37 @@ def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
 def find_weights(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> Path | None:
     """The file that ships for a design, else the user's own; None where there is neither.
 
+    Of two files, one whose silicone or camera has other numbers than its row has now comes second: after a user has
+    measured the default silicone, the file that ships would otherwise hide that user's own for ever.
+
     Args:
         params: the design.
         silicone: row of cad/materials.csv.
     """
     name = weights_name(params, silicone)
-    places = (SHIPPED / f"default_{name}", weights_folder() / name)
-    return next((path for path in places if path.is_file()), None)
+    found = [path for path in (SHIPPED / f"default_{name}", weights_folder() / name) if path.is_file()]
+    if len(found) < 2:
+        return next(iter(found), None)
+    return next((path for path in found if are_for(path, params, silicone)), found[0])
+
+
+def are_for(path: Path, params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> bool:
+    """Whether the weights of a file are for an endcap as the tables have it now; False of a damaged file.
+
+    Args:
+        path: the file.
+        params: the design.
+        silicone: row of cad/materials.csv.
+
+    Raises:
+        ParameterError: an unknown silicone.
+    """
+    wanted = identity(params, silicone)
+    try:
+        about = read_weights(path)[1]
+        return not differing(recorded(about.get("identity"), EndcapParams(**about["design"])), wanted, MUST_AGREE)
+    except (FileError, ParameterError, KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return False
 
 
 def command_for(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:

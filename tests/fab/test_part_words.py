@@ -30,6 +30,7 @@ def test_the_height_of_the_dome_is_that_of_the_cast_silicone(size):
     manifest = {"parts": [{"name": "shell", "volume_mm3": {"mesh": 3e5}}], "gyroid": {"period_mm": 9, "density": 0.1}}
     page = _facts(Variant(MoldLayout(params, silicone=DEFAULT_SILICONE)), manifest)
     assert f"{cast:.1f} mm high as cast; {whole:.1f} mm with" in page
+    assert "<th>camera</th><td>ELP-USBFHD01M-L180</td>" in page
 
 
 GLOSSARY = (Path(__file__).parents[2] / "docs" / "glossary.md").read_text(encoding="utf-8")

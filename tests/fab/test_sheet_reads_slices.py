@@ -98,3 +98,10 @@ def test_slices_of_another_printer_than_asked_are_refused():
     require_sliced_for("mk4", None, words)
     with pytest.raises(ParameterError, match=r"printer=mk4: it was sliced for a1_mini.*printer=mk4` first"):
         require_sliced_for("mk4", RECORD, words)
+
+
+def test_the_command_that_slices_for_another_printer_names_the_camera_module(monkeypatch):
+    """Without it the command read, or did not find, the export of the released module."""
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    with pytest.raises(ParameterError, match=r"run `ENDCAP_CAMERA=ELP-USBFHD01M-L170 make slice D=\d+ .*printer=mk4`"):
+        require_sliced_for("mk4", RECORD, Variant(MoldLayout(PARAMS)).words)

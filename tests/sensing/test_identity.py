@@ -1,13 +1,16 @@
 """What was made for one endcap is refused for another, by the name of what differs: every kind of file."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import cad.pattern
-from cad.errors import FileError, ParameterError
+from cad import materials
+from cad.errors import EndcapError, FileError, ParameterError
 from cad.identity import identity
+from cad.materials import silicones
 from cad.params import EndcapParams
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
@@ -172,6 +175,46 @@ def test_a_configuration_and_a_recording_are_refused_for_another_pattern(tmp_pat
         parsed(recording, path)
     with pytest.raises(ParameterError, match=r"silicone='Jelly' is not in cad/materials.csv"):
         one(silicone="Jelly")
+
+
+def test_a_configuration_of_another_camera_module_names_the_variable_that_chooses_it(tmp_path, monkeypatch):
+    """It said to set the endcap up again, where the variable was forgotten in one shell."""
+    config, path = LiveConfig((one(),)), tmp_path / "endcaps.toml"
+    save_config(config, path)
+    recording = about(config, [])
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    for refused in (lambda: load_config(path), lambda: parsed(recording, path)):
+        with pytest.raises(
+            EndcapError, match=r"start with the module .* \(ENDCAP_CAMERA=NAME .*'released' without ENDC"
+        ):
+            refused()
+    with pytest.raises(FileError, match=r"\(recorded with the camera module ELP-USBFHD01M-L180\)$"):
+        parsed(recording, path)
+
+
+def test_data_and_weights_of_another_camera_module_name_the_variable_that_chooses_it(begun, monkeypatch):
+    """They said to write the set again, which takes hours, or to train, where one shell lacked the variable."""
+    path = find_weights(PARAMS)
+    monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
+    for refused in (lambda: load_wrench_model(PARAMS, path), lambda: read_samples(begun)):
+        with pytest.raises(FileError, match=r"focal_per_row=.*: start with the module that it was made with \(ENDCAP_"):
+            refused()
+
+
+def test_a_recording_of_a_silicone_that_is_not_here_is_not_called_damaged(tmp_path, monkeypatch):
+    rows = dict(silicones())
+    monkeypatch.setattr(materials, "silicones", lambda: rows)
+    rows["Jelly"] = replace(rows["Ecoflex 00-30"], name="Jelly")
+    recording = about(LiveConfig((one(silicone="Jelly"),)), [])
+    assert parsed(recording, tmp_path).config.endcaps[0].silicone == "Jelly"
+    rows["Jelly"] = replace(rows["Jelly"], density_g_cm3=1.3)
+    with pytest.raises(FileError, match=r"recorded with Jelly of density_g_cm3=1\.07, .* has density_g_cm3=1\.3"):
+        parsed(recording, tmp_path)
+    kept = about(LiveConfig((one(silicone="Jelly", own_weight="kept"),)), [])
+    del rows["Jelly"]
+    for each in (recording, kept):
+        with pytest.raises(FileError, match=r"silicone='Jelly' is not in cad/materials\.csv.* or add a row$"):
+            parsed(each, tmp_path)
 
 
 def test_kept_pictures_of_the_robot_are_not_used_for_another_pattern(other_dots):

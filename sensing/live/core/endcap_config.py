@@ -17,6 +17,7 @@ from cad.identity import RELEASED, RELEASED_SILICONE, WORDS, Identity, identity,
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
+from sensing.camera.chosen_module import OTHER_MODULE
 from sensing.frames import Array, rigid
 from sensing.wrench.relaxation import Term, rate_words
 
@@ -131,7 +132,7 @@ class EndcapConfig:
             if stated not in ("", here):
                 raise ParameterError(
                     f"{name}={stated!r} of {self.name}: it was set up for that {WORDS[aspect]}, this toolkit has "
-                    f"{here!r}: set it up again with endcap setup",
+                    f"{here!r}: {OTHER_MODULE if name == 'lens' else ''}set it up again with endcap setup",
                     name=name,
                     value=stated,
                 )

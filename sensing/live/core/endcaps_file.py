@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -12,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cad import plugins
 from cad.errors import FileError, ParameterError, printable
 from cad.whole_file import replace_file
 from sensing.interpreter import typed_command
@@ -75,7 +77,7 @@ def _require_apart(path: Path, endcaps: Sequence[EndcapConfig]) -> None:
     seen: dict[str, str] = {}
     for endcap in endcaps:
         other = seen.setdefault(endcap.source, endcap.name)
-        if other != endcap.name and endcap.source.startswith("http"):
+        if other != endcap.name and _is_one_camera(endcap.source):
             raise ParameterError(
                 f"{path}: {other} and {endcap.name} have the same source, {endcap.source}: {one_each('address')}",
                 name="source",
@@ -88,6 +90,13 @@ def _require_apart(path: Path, endcaps: Sequence[EndcapConfig]) -> None:
             name="T_robot_endcap",
             value=max(reaches_mm),
         )
+
+
+def _is_one_camera(source: str) -> bool:
+    """Whether an address, or a word of a plug-in, is a camera, which sees one endcap; files may be of several."""
+    name, colon, address = source.partition(":")
+    of_plugin = colon and name in plugins.names(plugins.Kind.CAMERA) and not os.path.exists(address)
+    return source.startswith(("http://", "https://")) or bool(of_plugin)
 
 
 def save_config(config: LiveConfig, path: Path) -> None:

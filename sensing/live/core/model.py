@@ -22,6 +22,7 @@ from cad.params import EndcapParams
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.records import ShearField, Wrench
+from sensing.tracking.methods import known_methods
 from sensing.wrench.contact import ContactThreshold
 from sensing.wrench.weight_files import find_weights
 
@@ -190,18 +191,23 @@ def load_model(
         name: ``default``, ``paper`` or a plug-in's.
         params: the design.
         weights: file; None for :func:`known_weights`.
-        method: another field method than the model's own, for comparison.
+        method: another field method than the model's own (of weights, the one that they were trained with).
         silicone: row of cad/materials.csv that the endcap is cast of; None where a gain makes any weights fit.
 
     Raises:
         ParameterError: unknown name.
-        FileError: no weights, or those of another endcap.
+        FileError: no weights, those of another endcap, or those for a method of a plug-in that is not installed.
     """
     if name == "default":
         from sensing.wrench.model import load_wrench_model
 
         model = load_wrench_model(params, weights, silicone)
-        return live_model(name, model, model.shape, method or "dots")
+        if model.method not in known_methods():
+            raise FileError(
+                f"{weights or name}: weights for fields of {model.method}, which no plug-in here adds: install it, or "
+                f"give weights for one of {', '.join(known_methods())}"
+            )
+        return live_model(name, model, model.shape, method or model.method)
     if name == "paper":
         if weights is None:
             raise FileError(

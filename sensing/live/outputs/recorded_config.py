@@ -14,10 +14,12 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from cad.errors import FileError, printable
+from cad.errors import FileError, ParameterError, printable
+from cad.lens import RELEASED_MODULE, camera_module
+from cad.materials import silicone
 from cad.whole_file import replace_file
 from sensing.live.core.config import LiveConfig
-from sensing.live.core.endcap_config import OF_BEFORE, EndcapConfig
+from sensing.live.core.endcap_config import KEPT, OF_BEFORE, EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.core.seen import Pictures
 
@@ -74,6 +76,8 @@ def about(config: LiveConfig, files: Iterable[CarriedFile], pictures: Pictures =
         "format": FORMAT, "endcaps": endcaps, "model": config.model, "method": config.method,
         "weight_n": config.weight_n, "pictures": pictures.value,
         "files": {file.name: file.digest for file in files},
+        "camera_module": camera_module().name,
+        "silicones": {each.silicone: _numbers(each.silicone) for each in config.endcaps if each.own_weight != KEPT},
     }  # fmt: skip
     text = json.dumps(record)
     return {"config": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
@@ -109,8 +113,13 @@ class RecordedConfig:
 def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
     """What :func:`about` wrote, its endcaps reading from ``path``.
 
+    Args:
+        metadata: of the recording.
+        path: of the recording.
+
     Raises:
-        FileError: damaged, or of another version.
+        FileError: damaged, of another version, or of dots, a camera module or a silicone that this toolkit does not
+            have.
     """
     try:
         text = metadata["config"]
@@ -122,10 +131,16 @@ def parsed(metadata: dict[str, str], path: Path) -> RecordedConfig:
         endcaps = tuple(_endcap(endcap, path) for endcap in reported["endcaps"])
         files = {str(name): str(digest) for name, digest in reported["files"].items()}
         weight_n = float(reported["weight_n"])
+        for name, values in reported.get("silicones", {}).items():
+            _require_same_silicone(path, name, values)
         config = LiveConfig(endcaps, reported["model"], None, reported["method"], weight_n)
         return RecordedConfig(config, files, Pictures(reported.get("pictures", Pictures.FULL)))
     except FileError:
         raise
+    except ParameterError as error:  # its digest is right: whole, but of what this toolkit does not have
+        module = reported.get("camera_module", RELEASED_MODULE)
+        seen_by = "" if module == camera_module().name else f" (recorded with the camera module {str(module)[:100]})"
+        raise FileError(f"{path}: {printable(f'{error}{seen_by}')}") from None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         said = " ".join(str(error).split())[:200]
         raise FileError(f"{path}: its configuration cannot be read ({said}): the file is damaged") from None
@@ -136,6 +151,22 @@ def _endcap(reported: dict[str, Any], path: Path) -> EndcapConfig:
     if unknown:
         raise ValueError(f"unknown key {', '.join(sorted(unknown))[:80]}")
     return EndcapConfig(**{**OF_BEFORE, **reported, "source": str(path), "camera": None})
+
+
+def _numbers(name: str) -> dict[str, float]:
+    """Numbers of a silicone on which the part of its own weight in a dot's motion depends."""
+    row = silicone(name)
+    return {"density_g_cm3": row.density_g_cm3, "c10_mpa": row.neo_hooke_c10_mpa}
+
+
+def _require_same_silicone(path: Path, name: str, recorded: dict[str, float]) -> None:
+    """Refuse a recording whose silicone has other numbers here: own weight would be taken out by other ones."""
+    if (here := _numbers(name)) != recorded:
+        then, now = (", ".join(f"{key}={value:g}" for key, value in each.items()) for each in (recorded, here))
+        raise FileError(
+            f"{path}: recorded with {name} of {then}, and its row of cad/materials.csv has {now}: a replay would give "
+            "other forces; give the row the recorded numbers while you replay it"
+        )
 
 
 def _content(path: Path) -> bytes:

@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cad.identity import identity
+from cad.identity import RELEASED_SILICONE, identity
+from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import put_file
@@ -48,12 +49,15 @@ class RobotDesign:
     @property
     def released(self) -> bool:
         """Whether the states that ship are those of this design; other sizes take them from the library."""
-        return self.params == PARAMS and self.silicone == DEFAULT_SILICONE
+        cast_of = identity(self.params, self.silicone).aspects["silicone"]
+        return self.params == PARAMS and cast_of == RELEASED_SILICONE  # its row may have been measured since
 
     @property
     def label(self) -> str:
-        """Part of the cache file's name."""
-        return f"{self.params.label}_{hashlib.sha256(self.silicone.encode()).hexdigest()[:6]}"
+        """Part of the cache file's name: of design, silicone and, where it is another, camera module."""
+        module = camera_module().name
+        seen_by = "" if module == RELEASED_MODULE else f" {module}"
+        return f"{self.params.label}_{hashlib.sha256(f'{self.silicone}{seen_by}'.encode()).hexdigest()[:6]}"
 
     def scene(self) -> tuple[RobotScene, float]:
         """(states of the scene, weight of the robot in N)."""

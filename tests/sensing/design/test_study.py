@@ -17,7 +17,7 @@ from cad.materials import silicone
 from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from sensing import study as command
-from sensing.design.figures import Figure, Source, as_csv, figures
+from sensing.design.figures import Figure, Source, as_csv, as_record, figures
 from sensing.design.page import study_page
 from sensing.design.pressed import GYROID_FRACTION, Study
 from sensing.design.prints import estimated_prints, prints_of
@@ -215,6 +215,38 @@ def test_a_map_that_cannot_be_written_is_refused_before_it_is_computed(monkeypat
         assert command.main([f"exports={exports}"]) == 2
         found = capsys.readouterr().err
         assert said in found and found.count("\n") == 1
+
+
+OTHER_CAMERA = "ELP-USBFHD01M-L170"
+
+
+def test_the_maps_of_two_cameras_do_not_replace_one_another_and_name_theirs(monkeypatch, tmp_path):
+    """The second map lay in the place of the first, and neither said whose bounds it had."""
+    monkeypatch.setattr("sensing.design.region.survey", lambda *_: [place_of(RELEASED)])
+    monkeypatch.setattr("sensing.design.page.map_panels", lambda *_: "")
+    assert command.main([f"exports={tmp_path}"]) == 0
+    first = (tmp_path / "study" / "map.html").read_bytes()
+    monkeypatch.setenv("ENDCAP_CAMERA", OTHER_CAMERA)
+    assert command.main([f"exports={tmp_path}"]) == 0
+    assert (tmp_path / "study" / "map.html").read_bytes() == first and b"module ELP-USBFHD01M-L180" in first
+    assert f"module {OTHER_CAMERA}" in (tmp_path / f"study_{OTHER_CAMERA}" / "map.html").read_text()
+
+
+def test_a_study_says_of_which_camera_and_silicone_it_is(monkeypatch):
+    lines = figures(RELEASED)
+    found = as_record(RELEASED, lines)
+    assert found["camera"] == "ELP-USBFHD01M-L180" and "of ELP-USBFHD01M-L180" in as_csv(lines)
+    assert found["identity"]["silicone"]["c10_mpa"] == 0.34
+    monkeypatch.setenv("ENDCAP_CAMERA", OTHER_CAMERA)
+    other = as_record(RELEASED, lines)
+    assert other["camera"] == OTHER_CAMERA and other["identity"]["camera"] != found["identity"]["camera"]
+
+
+def test_weights_whose_silicone_has_other_numbers_now_are_none_of_the_study(monkeypatch):
+    assert "default_D130_T8.safetensors" in study_page(RELEASED, [])
+    monkeypatch.setattr("sensing.design.page.are_for", lambda *_: False)
+    page = study_page(RELEASED, [])
+    assert "no weights yet:" in page and "sensing.train --design 130 8" in page
 
 
 def test_the_grid_lies_inside_the_region_and_reaches_its_ends():

@@ -53,6 +53,11 @@ def test_onnx_gives_the_models_numbers(model, storage, close):
     assert (np.linalg.eigvalsh(spread / sigma[:, :, None] / sigma[:, None]) > 0).all()
 
 
+def test_the_graph_names_the_method_whose_fields_it_takes(model):
+    graph = wrench_onnx.onnx_graph(replace(model, method="farneback"))
+    assert {each.key: each.value for each in graph.metadata_props}["method"] == "farneback"
+
+
 @pytest.mark.parametrize("storage", wrench_onnx.STORAGE)
 def test_zero_stays_exactly_zero_and_huge_stays_finite(model, storage):
     zero, one = answers(model, storage, np.zeros((3, 2 * SIDE**2)))

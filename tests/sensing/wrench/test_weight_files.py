@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
+from cad import materials
 from cad.errors import FileError
 from cad.identity import identity
-from cad.materials import silicone
+from cad.materials import silicone, silicones
 from cad.params import EndcapParams
+from sensing.design.weights import DesignRequest, known_weights
 from sensing.wrench import model as models
 from sensing.wrench.model import load_wrench_model
 from sensing.wrench.stiffness import shear_mpa_of
-from sensing.wrench.weight_files import FORMAT, SHIPPED, read_weights, weights_name
+from sensing.wrench.weight_files import FORMAT, SHIPPED, find_weights, read_weights, weights_folder, weights_name
 
 PARAMS = EndcapParams(130, 8)
 
@@ -86,3 +88,41 @@ def test_the_shear_modulus_is_that_of_the_silicone_that_was_learned_on():
     soft = replace(model, identity=identity(model.design, "Ecoflex 00-30"))
     assert shear_mpa_of(soft) == pytest.approx(silicone("Ecoflex 00-30").neo_hooke().shear_mpa)
     assert shear_mpa_of(soft) < shear_mpa_of(model) == shear_mpa_of(object()) == silicone().neo_hooke().shear_mpa
+
+
+@pytest.fixture
+def measured(tmp_path, monkeypatch):
+    """A user has measured Smooth-Sil 950 and changed its row; the folder of weights is empty."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    rows = dict(silicones())
+    rows["Smooth-Sil 950"] = replace(rows["Smooth-Sil 950"], neo_hooke_c10_mpa=0.3)
+    monkeypatch.setattr(materials, "silicones", lambda: rows)
+    weights_folder().mkdir(parents=True)
+    return weights_folder() / weights_name(PARAMS)
+
+
+def test_weights_of_a_silicone_that_was_measured_since_are_made_anew(measured, caplog):
+    """`make endcap` took them for there and copied them, and live refused them."""
+    assert find_weights(PARAMS).name == "default_D130_T8.safetensors"  # whose refusal names what has changed
+    with pytest.raises(FileError, match=r"c10_mpa=0\.34, here 0\.3"):
+        load_wrench_model(PARAMS)
+    with caplog.at_level("INFO"):
+        assert known_weights(DesignRequest(PARAMS)) is None
+    assert "default_D130_T8.safetensors: damaged, or made with other numbers" in caplog.text
+
+
+def test_weights_of_ones_own_are_taken_where_those_that_ship_are_of_other_numbers(measured):
+    """The command that live's refusal names wrote a file that live then did not look at."""
+    shipped = load_wrench_model(None, SHIPPED / "default_D130_T8.safetensors")
+    replace(shipped, identity=identity(PARAMS, "Smooth-Sil 950")).save(measured)
+    assert find_weights(PARAMS) == known_weights(DesignRequest(PARAMS)) == measured
+    assert load_wrench_model(PARAMS).identity.aspects["silicone"]["c10_mpa"] == 0.3
+
+
+def test_what_ships_comes_first_where_both_fit(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    weights_folder().mkdir(parents=True)
+    load_wrench_model(PARAMS).save(weights_folder() / weights_name(PARAMS))
+    assert find_weights(PARAMS).parent == SHIPPED
+    (weights_folder() / weights_name(PARAMS)).write_bytes(b"damaged")
+    assert find_weights(PARAMS).parent == SHIPPED

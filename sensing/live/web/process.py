@@ -248,7 +248,7 @@ async def _answer(websocket: WebSocket, run: Link) -> None:
             run.ask(request)
         await websocket.send_text(await run.look(request.endcap))
         count, jpeg = run.pictures.get(request.endcap, (0, b""))
-        if jpeg and (request.endcap, count) != seen:
+        if (request.endcap, count) != seen:  # an empty one, too: or the last endcap's stands under this one's name
             seen = (request.endcap, count)
             await websocket.send_bytes(jpeg)
 

@@ -107,6 +107,14 @@ def test_an_outage_and_a_question_are_seen_wherever_a_phone_is_scrolled_to(stage
             stage.tab.value("scrollTo(0, 0)")
 
 
+def test_the_last_picture_of_a_camera_that_is_gone_has_its_age(stage):
+    stage.free()
+    gone = "{ ...latest.endcaps[0], status: 'unplugged', valid: false, age_ms: 12300 }"
+    look = f"(image(latest.selected, {gone}), $('image_note').textContent)"
+    note = stage.tab.until(f"{FREE} && latest.selected", look)
+    assert re.fullmatch(r"\d+ of \d+ dots; no newer picture for 12 s", note)
+
+
 def test_a_picture_that_is_replaced_gives_its_memory_back(stage):
     """A browser's collector sees a few bytes of each: a page held 70 MB more of them than it needs."""
     stage.free()

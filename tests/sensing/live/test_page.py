@@ -91,6 +91,12 @@ def test_the_page_needs_nothing_but_this_server():
     assert named == {path.name for path in STATIC.iterdir()} - {"index.html"}
 
 
+def test_an_endcap_whose_picture_cannot_be_shown_gets_an_empty_one(site, monkeypatch):
+    """The last picture stood, even another endcap's, under the name and dots of this one."""
+    monkeypatch.setattr("sensing.live.web.page.picture", lambda frame: b"")
+    wait_for(lambda: talk(site, *['{"do":"show","endcap":0}'] * 2)[2] == b"")
+
+
 # --- fuzz ------------------------------------------------------------------------------------------------------
 def test_a_picture_that_cannot_be_read_is_not_shown_as_one():
     assert picture(Frame(0.0, 0, "a", jpeg=b"a.jpg: no picture", fault="a.jpg: no picture")) == b""

@@ -84,6 +84,19 @@ def test_the_dome_shows_depth_patch_and_normal_of_a_press_and_turns_by_keys(stag
         assert stage.tab.value(f"({{...{name}.view}})") == before
 
 
+def test_the_parts_of_a_force_are_those_of_the_planes_normal(stage):
+    """Of the place's they were off by half a newton of ten under a pull, which the skin's yielding moves."""
+    stage.free()
+    state = "{ valid: true, contact: true, centre_mm: [0, 0, 105], normal: %s, force_n: [0, 0, -10] }"
+    curve = "[{ tilt_deg: 0, force_n: [0, 100], depth_mm: [0, 10], patch_mm2: [0, 500] }]"
+    look = (
+        "(({ force, tangent, depth }) => [force, Math.hypot(...tangent), depth])(Dome.press({ centre_mm: 40 }, %s, %s))"
+    )
+    inclined = stage.tab.value(look % (state % "[0, 0.6, 0.8]", curve))
+    assert inclined == pytest.approx([8.0, 6.0, 0.8])
+    assert stage.tab.value(look % (state % "[null, null, null]", curve)) == pytest.approx([10.0, 0.0, 1.0])
+
+
 def test_a_note_and_the_size_while_recording_and_the_file_to_download(stage):
     stage.free()
     stage.tab.value("$('pictures').value = 2")

@@ -21,10 +21,11 @@ const Dome = (() => {
     return curve[column][k - 1] + ((curve[column][k] - curve[column][k - 1]) * (force - n[k - 1])) / (n[k] - n[k - 1]);
   }
 
-  // Where and how far the dome is pressed; null while it is free, or no press of its design is known.
+  // Where and how far the dome is pressed; null while it is free, or no press of its design is known. The normal is the plane's;
+  // where that is not known, of a light touch, that of the place, which the skin's yielding moves by a degree or two.
   function press(endcap, state, found) {
     if (!state.valid || !state.contact || state.centre_mm[0] === null) return null;
-    const normal = unit(along(state.centre_mm, [0, 0, 1], -endcap.centre_mm)), force = -dot(state.force_n, normal);
+    const normal = state.normal[0] !== null ? state.normal : unit(along(state.centre_mm, [0, 0, 1], -endcap.centre_mm)), force = -dot(state.force_n, normal);
     if (!(force > LEAST_N) || !found || !found.length) return null;
     const tilt = (Math.acos(Math.max(-1, Math.min(1, normal[2]))) * 180) / Math.PI;
     const upper = found.findIndex((c) => c.tilt_deg >= tilt), b = found[upper < 0 ? found.length - 1 : upper], a = upper > 0 ? found[upper - 1] : b;

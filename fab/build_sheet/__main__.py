@@ -118,6 +118,7 @@ def _collect(
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import ring_checks
     from fab.build_sheet.pictures import fill_depth_mm, step_pictures
+    from fab.build_sheet.robot_holes import require_holes
     from fab.checks.check import Check
     from fab.checks.extraction import core_path
     from fab.pot_life import require_pot_life
@@ -126,6 +127,7 @@ def _collect(
 
     progress("parts and screws")
     shop = open_workshop(export)
+    require_holes(export, shop.meshes["arm_adapter"])
     mix = recipe(shell_volume_mm3(export.manifest), overflow_of(shop.layout), export.variant.silicone)
     require_pot_life(shop.layout, mix.cast_volume_mm3)
     depth = fill_depth_mm(shop.layout, mix.cast_volume_mm3 + mix.beyond_mm3)

@@ -1,7 +1,7 @@
 """Whether the arm adapter of an export has the holes that its robot's rows of cad/robot_sides.csv describe now.
 
-The sheet names screws, pin and drills by those rows, and the adapter is printed from the file of ``make molds``: rows that
-were corrected in between would name screws for holes that are not there.
+The sheet names screws, pin and drills by those rows, and the adapter is printed from the file of ``make molds``: rows
+that were corrected in between would name screws for holes that are not there.
 """
 
 from __future__ import annotations

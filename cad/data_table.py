@@ -9,7 +9,7 @@ import csv
 import hashlib
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,6 +44,7 @@ def read_table(path: Path, make: Callable[[dict[str, str]], Record], *key: str) 
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
+            _require_columns(path.name, reader.fieldnames or ())
             for row in reader:
                 names = [row.get(column) or "" for column in columns]
                 where = f"{path.name} line {reader.line_num} ({' '.join(filter(None, names)) or 'without a name'})"
@@ -51,11 +52,26 @@ def read_table(path: Path, make: Callable[[dict[str, str]], Record], *key: str) 
                     raise FileError(f"{where}: has not one value for each column of the first line: {FORM}")
                 if (name := " ".join(names)) in records:
                     raise FileError(f"{where}: is there twice: remove one of the two rows")
+                if any(text != text.strip() for text in names):
+                    raise FileError(f"{where}: has spaces before or after its name: remove them")
                 _require_one_spelling(where, dict(zip(columns, names, strict=True)), spelled)
                 records[name] = _record(where, path.name, row, make)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path.name}: cannot be read as a table ({error}): restore it") from error
+    if not records:
+        raise FileError(f"{path.name}: has no row: restore it")
     return records
+
+
+def _require_columns(file: str, columns: Sequence[str]) -> None:
+    """Refuse a first line in which a spreadsheet has lost the columns, or that names one of them twice."""
+    if len(columns) == 1 and (";" in columns[0] or "\t" in columns[0]):
+        raise FileError(
+            f"{file}: has semicolons or tabs between its columns: save it with commas, and decimals with points"
+        )
+    for column in columns:
+        if columns.count(column) > 1:
+            raise FileError(f"{file}: the first line has the column {column!r} twice: remove one of the two")
 
 
 def _require_one_spelling(where: str, names: dict[str, str], spelled: dict[tuple[str, str], str]) -> None:
@@ -130,7 +146,9 @@ def number(row: dict[str, str], column: str) -> float:
 
 
 def _finite(text: str) -> float:
-    """The finite number that a text holds; nan for any other text."""
+    """The finite number that a text holds in plain decimals; nan for any other text."""
+    if "_" in text or not text.isascii():  # 1_8 and digits of other scripts, which float takes
+        return math.nan
     try:
         value = float(text)
     except ValueError:

@@ -97,7 +97,9 @@ def _bought_line(name: str, quantity: int) -> BomLine:
     """Camera or ring."""
     if name == "camera":
         camera = camera_supply()
-        return BomLine("USB camera", quantity, "pc", name, part_words(name), camera.price_usd, "P", camera.order_as)
+        return BomLine(
+            "USB camera", quantity, "pc", name, part_words(name), camera.price_usd, camera.letter, camera.order_as
+        )
     if name == "led_ring":
         order = (
             f"files of make ring to a board house (batch of {RING_BATCH}), or the table in chapter LED ring to solder "

@@ -106,6 +106,28 @@ def test_a_table_that_a_spreadsheet_saved_with_a_byte_order_mark_reads_as_before
     assert read_table(copy, make, *key) == read_table(path, make, *key)
 
 
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda text: text.replace(",", ";"), "has semicolons or tabs between its columns: save it with commas"),
+        (lambda text: text.replace(",", "\t"), "has semicolons or tabs"),
+        (lambda text: text.replace("board_mm,", "board_mm,board_mm,", 1), "has the column 'board_mm' twice"),
+        (lambda text: text.splitlines()[0] + "\n", "has no row"),
+        (lambda text: text.replace("M-L180,", "M-L180 ,", 1), "spaces before or after its name"),
+        (lambda text: text.replace(",32,", ",3_2,", 1), "board_mm='3_2' is not a positive number"),
+        (lambda text: text.replace(",32,", ",\uff13\uff12,", 1), "is not a positive number"),
+    ],
+)
+def test_what_spreadsheets_and_hands_do_to_a_table_is_named(change, expected, tmp_path):
+    copy = tmp_path / "cameras.csv"
+    text = lens.TABLE.read_text(encoding="utf-8")
+    assert change(text) != text
+    copy.write_text(change(text), encoding="utf-8")
+    with pytest.raises(FileError, match=r"^cameras\.csv") as caught:
+        read_table(copy, lens._module)
+    assert expected in str(caught.value) and "\n" not in str(caught.value)
+
+
 def test_every_row_names_files_of_its_own_and_names_without_loss_keep_theirs():
     kept = {"Dragon Skin 30": "Dragon-Skin-30", "iso_9409_1_50_4_m6": "iso-9409-1-50-4-m6"}
     assert {name: file_name(name) for name in kept} == kept

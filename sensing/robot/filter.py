@@ -127,6 +127,8 @@ class Filter:
         rate[~heard[0] & ~unknown] = 0.0
         watch(state, time_s - state.time_s, ~heard[0] & ~unknown)
         own = (layout.has_force == 1) & heard[1]
+        if state.began_moving:  # a bar may be turned by 180 degrees then, and its acceleration with it
+            own &= np.arange(layout.bars) == leader
         has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
         noise = self._noise(rate, force[leader], has_force, heard[0], unknown)
         walk, fade = self._walks(rate[heard[0]], unknown)

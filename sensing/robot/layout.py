@@ -132,7 +132,7 @@ def layout_of(robot: TensegrityRobot) -> Layout:
     """The arrays of a robot.
 
     Raises:
-        ParameterError: a bar with two inertial sensors.
+        ParameterError: a bar with two inertial sensors, or no cable whose length is measured.
     """
     sensors: dict[str, InertialSensor] = {}
     for sensor in robot.sensors:
@@ -151,6 +151,10 @@ def layout_of(robot: TensegrityRobot) -> Layout:
         if found:
             turns[b] = found.T_bar_imu[:3, :3]
     cables = [cable for cable in robot.cables if cable.measured]
+    if not cables:
+        raise ParameterError(
+            f"{robot.name}: no cable has measured = true: the estimate begins with their lengths", name="measured"
+        )
     pairs = np.array([[robot.bar_number(name) for name in cable.bars] for cable in cables], np.int64).reshape(-1, 2)
     levers = np.array([cable.points_m for cable in cables], float).reshape(-1, 2, 3) - reference[pairs]
     of = np.array([robot.bar_number(endcap.bar) for endcap in robot.endcaps], np.int64)

@@ -177,6 +177,8 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     with np.errstate(invalid="ignore", divide="ignore"):
         lengths = gathered.lengths / gathered.length_counts
         force = gathered.force / gathered.counts[:, 1:]
+    if not stands:  # accelerations of the motion are in the means
+        force[np.arange(layout.bars) != layout.leader] = np.nan
     problem = FirstShape(lengths, force, gathered.contacts, layout, settings)
     poses, spread = problem.solved()
     state.began_unbalanced = not problem.balances(poses)

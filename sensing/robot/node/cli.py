@@ -106,9 +106,9 @@ def _run(options: argparse.Namespace) -> int:
     robot, description = load_robot(file), file.read_bytes()
     if options.record is not None:  # before the simulation runs for minutes
         require_new(options.record)
+    estimator = RobotEstimator(robot)  # refuses a robot that cannot be estimated, before that, too
     source = _source(options, robot)
     wall_ns, silent_s = (None, SILENT_S) if live else (time.time_ns(), math.inf)  # a simulated clock begins at 0
-    estimator = RobotEstimator(robot)
     out = Lines(sys.stdout)
     lines = Lines(sys.stderr) if options.json else out
     terminal, stop = RobotTerminal(lines, robot, quiet=options.json), Stop()

@@ -59,6 +59,12 @@ def test_what_is_not_of_this_robot_is_refused_in_one_line(sample, word):
     assert "\n" not in str(caught.value)
 
 
+def test_a_robot_without_measured_cables_is_refused_before_it_waits_for_ever():
+    blind = replace(ROBOT, cables=tuple(replace(cable, measured=False) for cable in ROBOT.cables))
+    with pytest.raises(ParameterError, match="three_bar: no cable has measured = true"):
+        RobotEstimator(blind)
+
+
 def test_missing_streams_are_named():
     silent = replace(ROBOT, sensors=ROBOT.sensors[1:2])
     _, samples = standing_samples(silent, 1.0)
@@ -88,3 +94,20 @@ def test_every_accelerometer_shows_how_its_bar_is_turned_about_its_axis(turn_rad
     off = bar.T_world_bar[:3, :3] @ (poses[-1] @ turned)[:3, :3].T
     angle = np.arccos(np.clip((np.trace(off) - 1) / 2, -1, 1))
     assert angle < 0.02 and np.sqrt(np.trace(bar.covariance[3:6, 3:6])) < 0.1
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_start_in_motion_trusts_no_accelerometer_but_the_leading_bars(moving):
+    """Any other bar may be turned by half a turn about itself then, and its gravity with it."""
+    robot = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=True) for sensor in ROBOT.sensors))
+    samples = standing_samples(robot, 1.3, noise=0.0)[1]
+    estimator = RobotEstimator(robot)
+    feed(estimator, [sample for sample in samples if sample.time_s < 1.199])
+    state = estimator._history.at(estimator.newest_s).state.copy()
+    state.turn[2] = state.turn[2] @ rotation_of(np.array([0.0, 0.0, np.pi]))
+    state.began_moving = moving
+    after = [s for s in samples if isinstance(s, InertialSample) and s.time_s == pytest.approx(1.2)]
+    before = state.velocity.copy()
+    estimator._filter.predict(state, after[0].time_s, after)
+    change = np.linalg.norm(state.velocity - before, axis=1)
+    assert change[:2].max() < 1e-3 and (change[2] < 1e-3) == moving

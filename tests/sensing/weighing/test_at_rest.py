@@ -121,7 +121,7 @@ def test_a_few_dots_that_look_otherwise_do_not_refuse_a_load():
     ],
 )
 def test_many_such_dots_a_torn_picture_or_another_flag_do(options):
-    with pytest.raises(WeighingError, match="readings under the load, 9.00 N, are flagged"):
+    with pytest.raises(WeighingError, match=r"readings under the load, 9\.00 N, are flagged"):
         watched(reading(k, 9.0, **options) for k in range(40)).pressed()
 
 

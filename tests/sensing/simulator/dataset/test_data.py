@@ -131,7 +131,7 @@ def test_states_of_other_constants_are_refused(tmp_path: Path, monkeypatch: pyte
             write_dataset(request, tmp_path / "no", stored=states)
     with monkeypatch.context() as changed:
         changed.setitem(DENSITIES, "draft", replace(DENSITIES["draft"], layers=2))
-        with pytest.raises(FileError, match="states for the mesh .*: write them again"):
+        with pytest.raises(FileError, match=r"states for the mesh .*: write them again"):
             write_dataset(request, tmp_path / "no", stored=states)
     (states / "manifest.json").write_text('{"format": 2, "phases": []}')  # a traceback before
     with pytest.raises(ParameterError, match="was made with diameter_mm=None"):

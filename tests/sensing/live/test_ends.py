@@ -167,7 +167,7 @@ def test_a_signal_closes_the_recording_although_cameras_hang(address, tmp_path):
         hung = [word for _ in range(4) for word in ("--url", f"http://127.0.0.1:{silent.getsockname()[1]}/")]
         path = tmp_path / "run.mcap"
         with program("--url", address, *hung, "--no-page", "--record", str(path)) as process:
-            wait_for(lambda: path.exists() and path.stat().st_size > WEIGHTS_BYTES + 300_000)
+            wait_for(lambda: path.exists() and path.stat().st_size > WEIGHTS_BYTES + 600_000)
             process.send_signal(signal.SIGHUP)
             assert process.wait(PATIENCE_S) == 0  # of five cameras that took two seconds each before
     check = verify(path, read_config(path), lambda _: stand_in())

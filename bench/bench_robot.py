@@ -3,7 +3,7 @@
     python bench/bench_robot.py table                   # five kinds of contact knowledge on every terrain
     python bench/bench_robot.py curves                  # rates, delay, noise, gyroscopes, silicone, wrong settings
     python bench/bench_robot.py report                  # both, of what is there; and robot.png
-    python bench/bench_robot.py table --config sensing/tensegrity/six_bar.toml --seconds 25 --out bench/robot_six_bar.csv
+    python bench/bench_robot.py table --config FILE --seconds 25 --out bench/robot_six_bar.csv     # six bars
 
 A row of the file is one run, one kind of knowledge and one set of sensors; a run that is in it is not done again.
 A run of 40 s takes about eight seconds of one core; ``--workers`` shares the runs among processes.

@@ -43,7 +43,6 @@ from fab.variant import Variant, printer_option
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = Path(__file__).with_name("chain.csv")
 COMMANDS = {"molds": "fab.molds", "slice": "fab.slice", "sheet": "fab.build_sheet", "ring": "fab.led_ring"}
-HEADER = ("seed", "typed", *(f"{name}_s" for name in COMMANDS), "files", "plates", "pages", "wrong")
 PAGE = re.compile(rb"/Type\s*/Page\b")  # an object of the PDF
 SIZED = re.compile(r">(make (?:molds|slice|sheet|ring|train|live|study|endcap|data)\b[^<\n]*)")  # a line of its own
 
@@ -131,7 +130,7 @@ def made(drawn: Drawn, exports: Path, cache: Path) -> Done:
     environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(ROOT)}
     size = [word for word in drawn.variant.words.split() if word.startswith(("D=", "T="))]
     for name, module in COMMANDS.items():
-        words = size if name == "ring" else _words(drawn)
+        words = size if name == "ring" else shlex.split(drawn.typed)
         start = time.monotonic()
         ended = subprocess.run(
             [sys.executable, "-m", module, *words, f"exports={exports}"],
@@ -148,11 +147,6 @@ def made(drawn: Drawn, exports: Path, cache: Path) -> Done:
                 return done
     _read(done, exports / drawn.variant.label)
     return done
-
-
-def _words(drawn: Drawn) -> list[str]:
-    """The arguments of a command, one a word, as the shell would split what is typed."""
-    return shlex.split(drawn.typed)
 
 
 def _read(done: Done, folder: Path) -> None:
@@ -185,14 +179,10 @@ def _free_seed() -> int:
 
 def _append(seed: int, done: Done) -> None:
     """A row more."""
-    is_new = not TABLE.exists()
     with TABLE.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        if is_new:
-            writer.writerow(HEADER)
         seconds = [f"{done.seconds[name]:.0f}" if name in done.seconds else "" for name in COMMANDS]
         row = [seed, done.drawn.typed, *seconds, done.files, done.plates, done.pages, "; ".join(done.wrong)]
-        writer.writerow(row)
+        csv.writer(stream, lineterminator="\n").writerow(row)
 
 
 if __name__ == "__main__":

@@ -87,6 +87,17 @@ def camera_module() -> CameraModule:
     return known[name]
 
 
+def other_module() -> str:
+    """Name of the module where it is another one than the released; else empty.
+
+    Raises:
+        ParameterError: there is no such row.
+        FileError: the table cannot be read (:func:`camera_modules`).
+    """
+    name = camera_module().name
+    return "" if name == RELEASED_MODULE else name
+
+
 def camera_setting() -> str:
     """Environment setting of a module other than the released one, as it is typed before a command; else empty.
 
@@ -94,8 +105,8 @@ def camera_setting() -> str:
         ParameterError: there is no such row.
         FileError: the table cannot be read (:func:`camera_modules`).
     """
-    name = camera_module().name
-    return "" if name == RELEASED_MODULE else f"{VARIABLE}={shlex.quote(name)} "
+    name = other_module()
+    return name and f"{VARIABLE}={shlex.quote(name)} "
 
 
 def _module(row: dict[str, str]) -> CameraModule:

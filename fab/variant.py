@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from cad.data_table import file_name
-from cad.lens import RELEASED_MODULE, camera_module, camera_setting
+from cad.lens import camera_module, camera_setting, other_module
 from cad.materials import DEFAULT_SILICONE
 from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
@@ -130,5 +130,5 @@ def variant_of(params: EndcapParams, manifest: Mapping[str, Any]) -> Variant:
 
 def camera_words() -> tuple[str, ...]:
     """Suffix of a folder's name for another camera module than the released one; empty for that one."""
-    name = camera_module().name
-    return () if name == RELEASED_MODULE else (file_name(name),)
+    name = other_module()
+    return (file_name(name),) if name else ()

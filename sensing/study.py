@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cad.data_table import file_name
 from cad.errors import EndcapError, ParameterError
-from cad.lens import RELEASED_MODULE, camera_module
+from cad.lens import other_module
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG, show, transient
 from cad.options import PATTERN_DEFAULTS, chosen, parse_design, parse_options
@@ -133,8 +133,8 @@ def _map(options: dict[str, str]) -> int:
 
 def _map_name() -> str:
     """Name of the map's folder: ``study``, and the camera module where it is another one than the released."""
-    module = camera_module().name
-    return "study" if module == RELEASED_MODULE else f"study_{file_name(module)}"
+    module = other_module()
+    return f"study_{file_name(module)}" if module else "study"
 
 
 def _progress(done: int, total: int) -> None:

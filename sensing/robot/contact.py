@@ -89,9 +89,8 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     turn = layout.endcap_turn[endcap]
     if size < settings.least_force_n:
         return Contact(touching, False, turn @ force, _NO_SPREAD, _NOTHING, size, *_NO_NUMBERS)
-    if (
-        layout.compliance_m_n(endcap, settings) * size > layout.radius_m[endcap]
-    ):  # no dome yields by more: a spike of the sensor
+    yields_m = layout.compliance_m_n(endcap, settings) * size
+    if yields_m > layout.radius_m[endcap]:  # no dome yields by more: a spike of the sensor
         return Contact(touching, False, turn @ force, _NO_SPREAD, _NOTHING, math.nan, *_NO_NUMBERS)
     height = float(layout.centre_height_m[endcap])
     about = np.array([*force, torque[0] + height * force[1], torque[1] - height * force[0], torque[2]])

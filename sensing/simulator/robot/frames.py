@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.identity import RELEASED_SILICONE, identity
-from cad.lens import RELEASED_MODULE, camera_module
+from cad.lens import other_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from cad.whole_file import put_file
@@ -55,9 +55,8 @@ class RobotDesign:
     @property
     def label(self) -> str:
         """Part of the cache file's name: of design, silicone and, where it is another, camera module."""
-        module = camera_module().name
-        seen_by = "" if module == RELEASED_MODULE else f" {module}"
-        return f"{self.params.label}_{hashlib.sha256(f'{self.silicone}{seen_by}'.encode()).hexdigest()[:6]}"
+        seen = f"{self.silicone} {other_module()}".rstrip()
+        return f"{self.params.label}_{hashlib.sha256(seen.encode()).hexdigest()[:6]}"
 
     def scene(self) -> tuple[RobotScene, float]:
         """(states of the scene, weight of the robot in N)."""

@@ -56,13 +56,12 @@ class Dome:
         stiffness = self.stiffness_n_m * (wall**2 / diameter) if given is None else 1 / given
         delay_s = self.damping_ns_m / self.stiffness_n_m if delay_s is None else delay_s
         mass = self.mass_kg * (diameter**2 * wall)
-        if (
-            max(delay_s * TIMESTEP_S, TIMESTEP_S**2) * stiffness > mass
-        ):  # explicit steps become unstable from twice that
+        least_m_n = max(delay_s * TIMESTEP_S, TIMESTEP_S**2) / mass  # explicit steps become unstable from half of it
+        if least_m_n * stiffness > 1:
             raise ParameterError(
                 f'endcap "{endcap.name}": a dome of {mass:.2g} kg with compliance_m_n = {1 / stiffness:.3g} and '
                 f"yield_delay_s = {delay_s:g} is too stiff for the simulation's steps of {TIMESTEP_S:g} s: at least "
-                f"{max(delay_s * TIMESTEP_S, TIMESTEP_S**2) / mass:.2g} m/N, or a shorter delay",
+                f"{least_m_n:.2g} m/N, or a shorter delay",
                 name="compliance_m_n", value=1 / stiffness,
             )  # fmt: skip
         return Dome(stiffness, delay_s * stiffness, mass)

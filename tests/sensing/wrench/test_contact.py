@@ -109,14 +109,19 @@ def pressure_centre(force, torque):
     return contact_centre(np.array(force, float), about_centre, PARAMS.outer_radius_mm, PARAMS.centre_height_mm)
 
 
-def test_pressure_centre_of_a_force_at_a_point():
-    rng = np.random.default_rng(3)
+def touches(seed):
+    """50 times outward normal, place (mm) and force (N) of a push with friction."""
+    rng = np.random.default_rng(seed)
     for _ in range(50):
         outward = rng.normal(size=3)
         outward /= np.linalg.norm(outward)
         touch = PARAMS.outer_radius_mm * outward + [0, 0, PARAMS.centre_height_mm]
         side = np.cross(outward, rng.normal(size=3))
-        force = -5 * outward + 3 * side / np.linalg.norm(side)
+        yield outward, touch, -5 * outward + 3 * side / np.linalg.norm(side)
+
+
+def test_pressure_centre_of_a_force_at_a_point():
+    for _, touch, force in touches(3):
         centre = pressure_centre(force, np.cross(touch / 1000, force))
         assert np.allclose(centre.position_mm, touch, atol=1e-9)
         assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(0, abs=1e-12)
@@ -124,13 +129,7 @@ def test_pressure_centre_of_a_force_at_a_point():
 
 @pytest.mark.parametrize("spin_nm", [-0.06, 0.06])
 def test_the_place_of_a_contact_that_pivots_is_not_moved_by_its_friction_about_the_normal(spin_nm):
-    rng = np.random.default_rng(4)
-    for _ in range(50):
-        outward = rng.normal(size=3)
-        outward /= np.linalg.norm(outward)
-        touch = PARAMS.outer_radius_mm * outward + [0, 0, PARAMS.centre_height_mm]
-        side = np.cross(outward, rng.normal(size=3))
-        force = -5 * outward + 3 * side / np.linalg.norm(side)
+    for outward, touch, force in touches(4):
         centre = pressure_centre(force, np.cross(touch / 1000, force) + spin_nm * outward)
         assert np.allclose(centre.position_mm, touch, atol=1e-9)
         assert centre.miss_mm == 0 and centre.spin_nm == pytest.approx(spin_nm)

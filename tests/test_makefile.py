@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from cad.design_arguments import design_of
+from cad.lens import RELEASED_MODULE
 from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from fab.build_sheet.commands import train_command
@@ -143,7 +144,7 @@ def test_weights_and_test_data_of_another_camera_module_are_its_own(workshop, mo
     assert sized.count(f"exports/wrench_test_D142_T7.5_{module}") == 2
 
 
-@pytest.mark.parametrize("module", [None, "", "ELP-USBFHD01M-L180"])
+@pytest.mark.parametrize("module", [None, "", RELEASED_MODULE])
 def test_weights_of_the_released_camera_module_are_a_simulation_of_ones_own(workshop, module, monkeypatch):
     monkeypatch.delenv("ENDCAP_CAMERA", raising=False)
     if module is not None:

@@ -1,9 +1,12 @@
-"""Words on the camera module that the environment names, where a file was made with another one."""
+"""The camera module that the environment names, in file names and in messages."""
 
 from __future__ import annotations
 
+from cad.data_table import file_name
 from cad.identity import RELEASED, Identity, differing
-from cad.lens import VARIABLE
+from cad.lens import RELEASED_MODULE, VARIABLE, camera_module
+from cad.materials import DEFAULT_SILICONE
+from cad.params import EndcapParams
 
 OTHER_MODULE = (
     f"start with the module that it was made with ({VARIABLE}=NAME of cad/cameras.csv; for {RELEASED!r} without "
@@ -21,3 +24,17 @@ def other_module_words(found: Identity | None, wanted: Identity | None) -> str:
     if found is None or wanted is None or "camera" not in differing(found, wanted, ("camera",)):
         return ""
     return OTHER_MODULE
+
+
+def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
+    """Name of an endcap, for files and folders of sensing: ``D180_T10``, ``D180_T10_Dragon-Skin-30``.
+
+    Another camera module than the released one is part of the name, too.
+
+    Args:
+        params: the design.
+        silicone: row of cad/materials.csv.
+    """
+    pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
+    other = "".join("_" + file_name(name) for name, usual in pairs if name != usual)
+    return f"{params.label}{other}"

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from cad.errors import ParameterError
 from cad.whole_file import make_folder, replace_file
+from sensing.camera.chosen_module import endcap_label
 from sensing.design.figures import Figure, as_csv, as_record, blind_direction, figures
 from sensing.design.pressed import Study
 from sensing.design.prints import Prints
-from sensing.wrench.weight_files import endcap_label
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,8 @@ def _press(options: argparse.Namespace) -> int:
     text = "pressing: half a minute more where the simulator must be compiled, once on this computer"
     with announced(text, PATIENCE_S):
         state = Simulator(geometry, law, options.density, level=1, interlock=options.interlock).press(
-            options.normal, options.tilt, (options.meridian, options.lateral),
-            friction=options.friction, kind=options.body,
+            options.normal if options.depth is None else None, options.tilt, (options.meridian, options.lateral),
+            options.depth, friction=options.friction, kind=options.body,
             **{name: value for name, value in given.items() if value is not None},
         )  # fmt: skip
     certificate = state.certificate
@@ -68,7 +68,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     _shell_options(press)
     press.add_argument("--tilt", type=number, default=30, help="polar angle of first contact, degrees (default 30)")
-    press.add_argument("--normal", type=number, default=20, help="normal force, N (default 20)")
+    how_far = press.add_mutually_exclusive_group()
+    how_far.add_argument("--normal", type=number, default=20, help="normal force, N (default 20)")
+    how_far.add_argument(
+        "--depth", type=number, metavar="MM",
+        help="press to that depth instead, mm: also past a snap, where the force falls",
+    )  # fmt: skip
     press.add_argument("--meridian", type=number, default=0, help="tangential travel away from the tip, mm")
     press.add_argument("--lateral", type=number, default=0, help="tangential travel across, mm (needs the whole mesh)")
     press.add_argument("--friction", type=number, default=0.5, help="Coulomb coefficient (default 0.5)")

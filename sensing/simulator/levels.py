@@ -42,6 +42,7 @@ from sensing.simulator.press import tangential, validity
 from sensing.simulator.press.condensed import StoredTangent
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.ramp import ramp
 from sensing.simulator.press.state import Refusal, State, contact_patch
 from sensing.simulator.reduced.basis import ReducedModel
 from sensing.simulator.reduced.library import Library
@@ -49,7 +50,6 @@ from sensing.simulator.reduced.library_level import LibraryLevel
 from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import BulkStates, Scene, SceneState
 from sensing.simulator.shown import shown_mm
-from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.mesh import MeshDensity
@@ -62,7 +62,6 @@ LEVELS = (1, 2, 3, 4)  # see the module's text
 RATE_LEVELS = (1, 2)  # levels with rate effects; the others are fitted to elastic states
 TOLERANCE = 1e-3  # of level 2, relative: residual over contact force
 MAX_TOLERANCE = 1e-2  # largest tolerance that is accepted
-STEP_N = 5.0  # N, load step of :meth:`Simulator.press`; on a softer shell as much less as it bears
 Answer = Callable[[Target], SceneState]
 
 
@@ -128,31 +127,31 @@ class Simulator:
         yield from map(self._answers(scene, targets, began_s), targets)
 
     def press(
-        self, normal_n: float, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0), **scene: Any
-    ) -> SceneState:
-        """One press from the untouched shell, in steps of 5 N or less; steps that the mesh cannot resolve are skipped.
+        self, normal_n: float | None = None, tilt_deg: float = 0.0, shift_mm: tuple[float, float] = (0.0, 0.0),
+        depth_mm: float | None = None, **scene: Any,
+    ) -> SceneState:  # fmt: skip
+        """One press from the untouched shell to a force or a depth, in steps; those too small for the mesh are skipped.
 
         Args:
-            normal_n: force along the inward normal at first touch, N.
+            normal_n: force along the inward normal at first touch, N; None under a given depth.
             tilt_deg: polar angle of first contact from the tip, degrees.
-            shift_mm: tangential travel along (meridian, lateral) at that force, mm.
+            shift_mm: tangential travel along (meridian, lateral) at the end, mm.
+            depth_mm: approach from first touch, mm, which also passes states where the force falls (a snap).
             scene: friction (0.5), and kind, radius_mm, axis_deg of the :class:`Indenter` (a plane).
 
         Raises:
+            ParameterError: both or neither of force and depth are given.
             Refusal: the simulator cannot solve the state reliably.
         """
-        validity.require_pressable(self.geometry, normal_n, shift_mm)
         friction = float(scene.pop("friction", 0.5))
-        steps = max(1, round(normal_n / (STEP_N * min(1.0, LoadScale.of(self.geometry, self.law.shear_mpa).force))))
-        targets = [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
-        targets += [Target(normal_n=normal_n, shift_mm=shift_mm)] if any(shift_mm) else []
+        targets = ramp(self.geometry, self.law, normal_n, depth_mm, shift_mm)
         states: list[SceneState] = []
         answer = self._answers(Scene(Indenter(tilt_deg, **scene), friction), targets)
         for target in targets:
             try:
                 states.append(answer(target))
             except Refusal as refusal:  # a small body lies between the points of contact until it is pressed deeper
-                if refusal.reason != "mesh" or target.normal_n == normal_n:
+                if refusal.reason != "mesh" or (target.normal_n, target.depth_mm) == (normal_n, depth_mm):
                     raise validity.after(refusal, states[-1:]) from refusal
         return states[-1]
 

@@ -9,13 +9,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cad.data_table import file_name
 from cad.design_arguments import design_words
 from cad.errors import FileError, ParameterError
 from cad.identity import MUST_AGREE, differing, identity, recorded
-from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from sensing.camera.chosen_module import endcap_label
 from sensing.interpreter import typed_command
 
 FORMAT = "endcap-wrench-2"
@@ -28,20 +27,6 @@ def weights_folder() -> Path:
     """The user's folder of weights: ``endcap-toolkit/weights`` in XDG_DATA_HOME or ~/.local/share."""
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "endcap-toolkit" / "weights"
-
-
-def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
-    """Name of an endcap, for files and folders of sensing: ``D180_T10``, ``D180_T10_Dragon-Skin-30``.
-
-    Another camera module than the released one is part of the name, too.
-
-    Args:
-        params: the design.
-        silicone: row of cad/materials.csv.
-    """
-    pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
-    other = "".join("_" + file_name(name) for name, usual in pairs if name != usual)
-    return f"{params.label}{other}"
 
 
 def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:

@@ -66,7 +66,8 @@ def test_a_study_and_data_go_to_the_folder_of_the_molds_wherever_they_are_typed(
     monkeypatch.setattr(cli, "write_dataset", note)
     parser = argparse.ArgumentParser()
     cli.add_options(parser)
-    with pytest.raises(ParameterError, match="enough"):
-        cli.run(parser.parse_args([]))
-    assert written == [exports / "data_D130_T8_static_0"]
+    for words in [], ["--silicone", "Dragon Skin 30", "--diameter", "107"]:  # a set of another silicone is another set
+        with pytest.raises(ParameterError, match="enough"):
+            cli.run(parser.parse_args(words))
+    assert written == [exports / "data_D130_T8_static_0", exports / "data_D107_T8_Dragon-Skin-30_static_0"]
     assert Path(study.OPTIONS["exports"]).resolve() == exports

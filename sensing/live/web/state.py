@@ -44,6 +44,7 @@ def state(run: LiveRun, recording: Recording) -> dict[str, Any]:
     return {
         "time_s": time.monotonic(),
         "seen": int(1e3 * time.monotonic()),
+        "now_s": int(time.time()),  # the page may run on another computer, whose clock is not this one
         "endcaps": endcaps,
         "touching": list(robot.touching),
         "force_sum_n": rounded(float(np.linalg.norm(robot.force_n)), 2),

@@ -12,6 +12,7 @@ import numpy as np
 from cad.messages import LOG, show
 from cad.typed_folder import EXPORTS
 from sensing.arguments import number, scientific, silicone_name, whole
+from sensing.camera.chosen_module import endcap_label
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.contact.indenter import KINDS, require_used
 from sensing.simulator.dataset.request import LAMPS, LOADS, PATH_LEVELS, RELEASED, RENDERERS, DataRequest
@@ -40,8 +41,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the command, one for each field of the request, and where and how to run."""
     parser.add_argument("--frames", type=whole, default=2000, metavar="N", help="least number of frames (default 2000)")
     parser.add_argument("--out", type=Path, help="folder (default exports/data_D130_T8_static_0 or alike)")
-    parser.add_argument("--workers", type=whole, default=1, metavar="N", help="processes on this machine (default 1)")
-    parser.add_argument(
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=whole, default=1, metavar="N", help="processes on this machine (default 1)")
+    where.add_argument(
         "--scheduler", metavar="ADDRESS", help="Dask scheduler to use instead, for example tcp://HOST:8786"
     )
     parser.add_argument(
@@ -111,7 +113,8 @@ def run(options: argparse.Namespace) -> int:
     request = DataRequest(**{name: value for name, value in typed.items() if value is not None})
     if options.states is None:
         _warn_of_loads(request)
-    folder = options.out or Path(EXPORTS) / f"data_{request.params.label}_{request.protocol}_{request.seed}"
+    name = f"data_{endcap_label(request.params, request.silicone)}_{request.protocol}_{request.seed}"
+    folder = options.out or Path(EXPORTS) / name
     written = write_dataset(request, folder, options.workers, options.scheduler, options.states)
     data, refused = LabelledSet(folder), refusals(folder)
     there, whole = len(data.shards), data.manifest["shards"]

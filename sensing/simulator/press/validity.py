@@ -16,39 +16,13 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.state import Refusal, State
 from sensing.simulator.scene import SceneState
 from sensing.simulator.solid.element import face_rule, shape_quad
-from sensing.simulator.solid.geometry import ShellGeometry
 from sensing.simulator.solid.shell import ShellModel
 
-MOST_N = 10_000.0  # E: N, more than any shell bears within the depths that are modelled
-MOST_TRAVEL = 2.0  # of R: by then a plane slides and its state no longer changes; another body has left the dome
 MAX_REACH = 0.15  # of depth or radius: reach between Gauss points; about the relative error of the force
 REACH_FLOOR_MM = 0.1  # the first touch of a plane lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact force, on nodes that the clamp holds
 STRIDE = 0.5  # of a body's radius: its largest step, so that its centre stays outside the shell
 _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])  # (g, 9, 2) local gradients at the Gauss points
-
-
-def require_pressable(geometry: ShellGeometry, normal_n: float, shift_mm: tuple[float, float]) -> None:
-    """Refuse a press at once that the solver would refuse after minutes.
-
-    Args:
-        geometry: geometry of the shell.
-        normal_n: normal force, N.
-        shift_mm: tangential travel along (meridian, lateral), mm.
-
-    Raises:
-        Refusal: ``range`` for a force or travel beyond the limits.
-    """
-    if not normal_n <= MOST_N:
-        limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
-        raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
-    travel, most = float(np.hypot(*shift_mm)), MOST_TRAVEL * geometry.outer_radius_mm
-    if not travel <= most:
-        raise Refusal(
-            "range",
-            f"tangential travel of {travel:g} mm outside 0..{most:g} mm (2 R): a plane that has slid for some mm "
-            "changes nothing any more, and any other body has left the dome; give less",
-        )
 
 
 def after(refusal: Refusal, solved: Sequence[SceneState]) -> Refusal:

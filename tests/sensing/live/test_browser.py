@@ -45,6 +45,14 @@ def test_a_zero_under_load_asks_first_and_can_be_undone(stage):
     assert stage.tab.until(undone, "latest.endcaps[0].force_norm_n") == pytest.approx(force_n, rel=0.2)
 
 
+def test_the_age_of_a_reference_is_by_the_clock_of_the_run(stage):
+    """A tablet whose clock is wrong showed a reference of hours ago, or of tomorrow."""
+    stage.free()
+    of_tablet = "const now = Date.now; Date.now = () => 0; try { return %s; } finally { Date.now = now; }"
+    age = "zeroed({ zeroed: new Date(1000 * latest.now_s - 300000).toISOString() })"
+    assert stage.tab.value(f"(() => {{ {of_tablet % age} }})()").endswith("(5 min ago)")
+
+
 def test_a_black_picture_shows_a_dash_and_the_reason(stage):
     stage.free()
     stage.shown.now = "black"

@@ -215,3 +215,22 @@ def test_press_refuses_what_its_body_does_not_have(words, said, capsys):
     assert main(["press", *words]) == 2
     found = capsys.readouterr()
     assert said in found.err and found.err.count("\n") == 1 and found.out == ""
+
+
+def test_a_press_to_a_depth_is_the_press_to_its_force(simulator: Simulator) -> None:
+    deep = simulator.press(tilt_deg=30.0, depth_mm=4.0)
+    assert deep.depth_mm == pytest.approx(4.0)
+    assert simulator.press(deep.normal_n, 30.0).depth_mm == pytest.approx(4.0, rel=2e-3)
+    with pytest.raises(Refusal, match=r"^range: depth_mm=40 outside 0\.\.39 mm \(0\.6 R\)"):
+        simulator.press(depth_mm=40.0)
+    with pytest.raises(ParameterError, match="both given; give exactly one"):
+        simulator.press(10.0, depth_mm=4.0)
+
+
+def test_a_thin_shell_that_snaps_is_pressed_to_a_depth(capsys: pytest.CaptureFixture[str]) -> None:
+    """The refusal of a force advises a depth, which the command could not take."""
+    thin = ["press", "--diameter", "200", "--wall", "5", "--tilt", "0", "--density", "draft"]
+    assert main([*thin, "--normal", "60"]) == 2
+    assert "control the depth instead of the force" in capsys.readouterr().err
+    assert main([*thin, "--depth", "20"]) == 0
+    assert "depth       20.000 mm at a normal force of" in capsys.readouterr().out

@@ -252,7 +252,7 @@ function health(endcap) {
 
 function zeroed(endcap) {
   if (!endcap.zeroed) return "not yet";
-  const when = new Date(endcap.zeroed), minutes = Math.floor((Date.now() - when) / 60000);
+  const when = new Date(endcap.zeroed), minutes = Math.floor((1000 * latest.now_s - when) / 60000);
   const ago = minutes < 1 ? "less than a minute" : minutes < 120 ? `${minutes} min` : minutes < 2880 ? `${Math.floor(minutes / 60)} h` : `${Math.floor(minutes / 1440)} days`;
   return `${when.toLocaleString()} (${ago} ago)`;
 }

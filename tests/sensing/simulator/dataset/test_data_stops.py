@@ -206,3 +206,13 @@ def test_a_set_grows_but_is_never_mixed(small_set: Path, tmp_path: Path) -> None
     (tmp_path / "manifest.json").write_text("{")
     with pytest.raises(FileError, match="not the manifest"):
         write_dataset(request, tmp_path)
+
+
+def test_processes_here_and_a_cluster_are_not_both_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``--workers 8`` beside ``--scheduler`` had no effect, in silence."""
+    with pytest.raises(SystemExit) as ended:
+        main(["data", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1", "--out", str(tmp_path / "set")])
+    assert ended.value.code == 2 and "not allowed with argument --workers" in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()

@@ -1,0 +1,92 @@
+"""Targets of one press from the untouched shell: a normal force or a depth in equal steps, then a tangential travel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cad.errors import ParameterError
+from cad.materials import HyperelasticLaw
+from sensing.simulator.press.press import MAX_DEPTH_RATIO, Target
+from sensing.simulator.press.state import Refusal
+from sensing.simulator.similarity.ratios import LoadScale
+from sensing.simulator.solid.geometry import ShellGeometry
+
+MOST_N = 10_000.0  # E: N, more than any shell bears within the depths that are modelled
+MOST_TRAVEL = 2.0  # of R: by then a plane slides and its state no longer changes; another body has left the dome
+STEP_N = 5.0  # N, largest load step; on a softer shell as much less as it bears
+DEPTH_STEP = 0.03  # of R, largest step of a depth: 2 mm at D=130, where 5 N press as deep
+
+
+def ramp(
+    geometry: ShellGeometry, law: HyperelasticLaw, normal_n: float | None, depth_mm: float | None,
+    shift_mm: tuple[float, float],
+) -> list[Target]:  # fmt: skip
+    """Targets in order; what the solver would refuse after minutes is refused at once.
+
+    Args:
+        geometry: geometry of the shell.
+        law: its silicone.
+        normal_n: normal force at the end, N; None under a given depth.
+        depth_mm: depth at the end, mm; None under a given force.
+        shift_mm: tangential travel along (meridian, lateral) there, mm.
+
+    Raises:
+        ParameterError: both or neither of force and depth are given.
+        Refusal: ``range`` for a force, depth or travel beyond the limits.
+    """
+    if (normal_n is None) == (depth_mm is None):
+        given = "neither" if depth_mm is None else "both"
+        raise ParameterError(f"normal_n and depth_mm: {given} given; give exactly one", name="depth_mm", value=depth_mm)
+    _require_travel(geometry, shift_mm)
+    end = by_force(geometry, law, normal_n) if normal_n is not None else by_depth(geometry, float(depth_mm or 0.0))
+    slid = Target(end[-1].normal_n, end[-1].depth_mm, shift_mm)
+    return [*end, slid] if any(shift_mm) else end
+
+
+def by_force(geometry: ShellGeometry, law: HyperelasticLaw, normal_n: float) -> list[Target]:
+    """Equal steps of :data:`STEP_N` or less, in proportion to what the shell bears.
+
+    Args:
+        geometry: geometry of the shell.
+        law: its silicone.
+        normal_n: normal force at the end, N.
+
+    Raises:
+        Refusal: ``range`` for a force that no shell bears.
+    """
+    if not normal_n <= MOST_N:
+        limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
+        raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
+    steps = max(1, round(normal_n / (STEP_N * min(1.0, LoadScale.of(geometry, law.shear_mpa).force))))
+    return [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
+
+
+def by_depth(geometry: ShellGeometry, depth_mm: float) -> list[Target]:
+    """Equal steps of :data:`DEPTH_STEP` R or less.
+
+    Args:
+        geometry: geometry of the shell.
+        depth_mm: depth at the end, mm.
+
+    Raises:
+        Refusal: ``range`` for a depth at which self-contact is not modelled.
+    """
+    radius_mm = geometry.outer_radius_mm
+    most_mm = MAX_DEPTH_RATIO * radius_mm
+    if not 0 < depth_mm <= most_mm:
+        limits = f"0..{most_mm:g} mm (0.6 R): self-contact is not modelled beyond it"
+        raise Refusal("range", f"depth_mm={depth_mm:g} outside {limits}")
+    steps = math.ceil(depth_mm / (DEPTH_STEP * radius_mm))
+    return [Target(depth_mm=float(part * depth_mm)) for part in np.linspace(0, 1, steps + 1)[1:]]
+
+
+def _require_travel(geometry: ShellGeometry, shift_mm: tuple[float, float]) -> None:
+    travel, most = float(np.hypot(*shift_mm)), MOST_TRAVEL * geometry.outer_radius_mm
+    if not travel <= most:
+        raise Refusal(
+            "range",
+            f"tangential travel of {travel:g} mm outside 0..{most:g} mm (2 R): a plane that has slid for some mm "
+            "changes nothing any more, and any other body has left the dome; give less",
+        )

@@ -167,7 +167,7 @@ def weights_in_use(config: LiveConfig, endcap: EndcapConfig, any_silicone: bool 
     if any_silicone:
         return own or usual
     both = own is not None and usual is not None and endcap.gain_weights != ""
-    return own if both and _digest(own) == endcap.gain_weights else usual or own
+    return own if both and _digest(usual) != endcap.gain_weights else usual or own
 
 
 def _digest(weights: Path | None) -> str:

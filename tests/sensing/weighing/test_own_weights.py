@@ -61,6 +61,14 @@ def test_a_weighed_endcap_keeps_the_weights_that_it_was_weighed_with(make):
     assert weights_digest(weighing().estimator) == own
 
 
+def test_weights_of_its_own_silicone_that_were_trained_anew_stay_its_own(make):
+    """The gain was of weights that are gone, and those of another silicone answered: 25 times too much."""
+    _, before = make(DEFAULT_SILICONE, 1.0), make(SOFT, 0.04)
+    make(SOFT, 0.05)
+    weighed = replace(ENDCAP, gain=1.02, gain_sd=0.01, gain_weights=before)
+    assert weights_in_use(LiveConfig((weighed,)), weighed).name == weights_name(PARAMS, SOFT)
+
+
 def test_a_dwell_test_of_a_weighed_endcap_is_read_with_the_weights_of_its_gain(make, monkeypatch, tmp_path):
     """Weights of its own silicone that were made later gave half of the weight that stood on the dome."""
     usual, own = make(DEFAULT_SILICONE, 1.0), make(SOFT, 0.04)

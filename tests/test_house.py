@@ -1,4 +1,4 @@
-"""How long files and functions are, and how docstrings name arguments; a failure lists what is over."""
+"""How long lines, files and functions are, and how docstrings name arguments; a failure lists what is over."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from endcap.command import SUBCOMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE_LINES, FUNCTION_LINES = 300, 40
+FILE_LINES, FUNCTION_LINES, COLUMNS = 300, 40, 120
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")
 PUBLIC = ("cad", "endcap", "fab", "sensing")
 ONE_A_LINE = ("cad", "fab", "sensing", "endcap")
@@ -26,6 +26,17 @@ def sources(packages: tuple[str, ...]) -> dict[str, str]:
 
 def long_files(texts: dict[str, str]) -> set[str]:
     return {name for name, text in texts.items() if len(text.splitlines()) > FILE_LINES}
+
+
+def pages(packages: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, str]:
+    """Scripts, styles and HTML of the pages, which the linter of Python does not read."""
+    paths = [path for package in packages for path in (ROOT / package).rglob("*") if path.suffix in suffixes]
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in sorted(paths)}
+
+
+def wide_lines(texts: dict[str, str]) -> set[str]:
+    lines = [(name, k, line) for name, text in texts.items() for k, line in enumerate(text.splitlines(), 1)]
+    return {f"{name}:{k}" for name, k, line in lines if len(line) > COLUMNS}
 
 
 def long_functions(texts: dict[str, str]) -> set[str]:
@@ -112,7 +123,13 @@ def test_nothing_is_over_the_limits(over, packages):
     assert not found, "\n".join(sorted(found))
 
 
+def test_pages_are_as_readable_as_programs():
+    assert wide_lines(pages(PUBLIC, (".js", ".css", ".html"))) == set()
+    assert long_files(pages(PUBLIC, (".js", ".html"))) == set()
+
+
 def test_the_counts_see_what_they_count():
+    assert wide_lines({"a.js": "x".ljust(120) + "\n" + "x" * 121}) == {"a.js:2"}
     long = {"a.py": "x = 1\n" * 301, "b.py": "def f():\n" + "    x = 1\n" * 41}
     assert long_files(long) == {"a.py"} and long_functions(long) == {"b.py::f"}
     bare = (

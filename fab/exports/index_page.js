@@ -1,5 +1,6 @@
 const viewer = new Viewer(document.getElementById("turn"));
-if (viewer.gl) viewer.load(Uint8Array.from(atob(document.getElementById("glb").textContent), (c) => c.charCodeAt(0)).buffer);
+if (viewer.gl)
+  viewer.load(Uint8Array.from(atob(document.getElementById("glb").textContent), (c) => c.charCodeAt(0)).buffer);
 else {
   document.getElementById("note").textContent = "This browser has no WebGL 2: the pictures below show the same.";
   document.querySelector(".knobs").style.display = "none";

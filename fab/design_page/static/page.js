@@ -1,7 +1,10 @@
 // Page with sliders for D and T: each change requests numbers, section and a coarse preview; "Make" runs the command.
 "use strict";
-const $ = (id) => document.getElementById(id), token = document.querySelector("meta[name=endcap-token]").content;
-const SLIDERS = ["D", "T", "joint_clearance"], LISTS = ["material", "printer", "robot"], WORDS = ["dots", "dot_mm", "gyroid"];
+const $ = (id) => document.getElementById(id);
+const token = document.querySelector("meta[name=endcap-token]").content;
+const SLIDERS = ["D", "T", "joint_clearance"];
+const LISTS = ["material", "printer", "robot"];
+const WORDS = ["dots", "dot_mm", "gyroid"];
 const KNOBS = [...SLIDERS, ...LISTS, ...WORDS];
 const viewer = new Viewer($("turn"));
 const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, real: "", label: "" };
@@ -13,25 +16,50 @@ const svg = (name, values, parent) => {
   parent?.append(made);
   return made;
 };
-const query = () => new URLSearchParams(KNOBS.map((name) => [name, (SLIDERS.includes(name) ? $(name + "_number") : $(name)).value]));
+const query = () =>
+  new URLSearchParams(KNOBS.map((name) => [name, (SLIDERS.includes(name) ? $(name + "_number") : $(name)).value]));
 
-function kept() { // the last choice of this tab that can be made: for a reload, and the way back from a folder's page
-  try { return JSON.parse(sessionStorage.getItem("knobs")) || {}; } catch { return {}; }
+// The last choice of this tab that can be made: for a reload, and the way back from a folder's page.
+function kept() {
+  try {
+    return JSON.parse(sessionStorage.getItem("knobs")) || {};
+  } catch {
+    return {};
+  }
 }
 function keep(words) {
-  try { sessionStorage.setItem("knobs", JSON.stringify(Object.fromEntries(words))); } catch { /* a browser that keeps nothing */ }
+  try {
+    sessionStorage.setItem("knobs", JSON.stringify(Object.fromEntries(words)));
+  } catch {
+    /* a browser that keeps nothing */
+  }
 }
 
 async function begin() {
   const reply = await fetch("region.json");
-  if (!reply.ok) { $("refusal").textContent = await reply.text(); return; }
-  const offer = page.offer = await reply.json(), start = { ...offer.start, ...kept() };
-  for (const [name, [low, high]] of [["D", offer.diameter], ["T", offer.wall], ["joint_clearance", offer.clearance]]) {
+  if (!reply.ok) {
+    $("refusal").textContent = await reply.text();
+    return;
+  }
+  const offer = (page.offer = await reply.json());
+  const start = { ...offer.start, ...kept() };
+  for (const [name, [low, high]] of [
+    ["D", offer.diameter],
+    ["T", offer.wall],
+    ["joint_clearance", offer.clearance],
+  ]) {
     const step = Number($(name).step); // the slider stops at round numbers; the field beside it takes any
-    $(name).min = step * Math.ceil(low / step - 1e-9); $(name).max = step * Math.floor(high / step + 1e-9);
+    $(name).min = step * Math.ceil(low / step - 1e-9);
+    $(name).max = step * Math.floor(high / step + 1e-9);
     $(name).value = $(name + "_number").value = start[name];
-    $(name).addEventListener("input", () => { $(name + "_number").value = $(name).value; refresh(); });
-    $(name + "_number").addEventListener("input", () => { $(name).value = $(name + "_number").value; refresh(); });
+    $(name).addEventListener("input", () => {
+      $(name + "_number").value = $(name).value;
+      refresh();
+    });
+    $(name + "_number").addEventListener("input", () => {
+      $(name).value = $(name + "_number").value;
+      refresh();
+    });
   }
   $("material").append(...offer.silicones.map((name) => new Option(name)));
   $("printer").append(...offer.printers.map(([name, title]) => new Option(title, name)));
@@ -41,9 +69,9 @@ async function begin() {
     if ([...$(name).options].some((option) => option.value === start[name])) $(name).value = start[name];
     $(name).addEventListener("change", refresh);
   }
-  for (const name of WORDS) { // empty: as the released sensor has it
+  for (const name of WORDS) {
     $(name).placeholder = offer.options[name];
-    $(name).value = start[name] ?? "";
+    $(name).value = start[name] ?? ""; // empty: as the released sensor has it
     $(name).addEventListener("input", refresh);
   }
   $("more").open = $("robot").value !== offer.start.robot || WORDS.some((name) => $(name).value);
@@ -62,7 +90,8 @@ async function begin() {
 }
 
 async function refresh() {
-  const number = ++page.asked, words = query();
+  const number = ++page.asked;
+  const words = query();
   const [answer, shape] = await Promise.all([
     fetch("answer.json?" + words).then(async (r) => (r.ok ? r.json() : { refusal: await r.text() })),
     viewer.gl ? fetch("preview.glb?" + words).then((r) => (r.ok ? r.arrayBuffer() : null)) : null,
@@ -75,15 +104,23 @@ async function refresh() {
   draw_point();
   if (!answer.refusal) {
     keep(words);
-    $("facts").replaceChildren(...answer.facts.map(([name, words]) => {
-      const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
-      head.textContent = name; cell.textContent = words; row.append(head, cell);
-      return row;
-    }));
+    $("facts").replaceChildren(
+      ...answer.facts.map(([name, words]) => {
+        const row = document.createElement("tr");
+        const head = document.createElement("th");
+        const cell = document.createElement("td");
+        head.textContent = name;
+        cell.textContent = words;
+        row.append(head, cell);
+        return row;
+      }),
+    );
     $("commands").textContent = answer.commands.join("\n");
     draw_section(answer.section);
     if (shape && page.real !== answer.label) {
-      viewer.load(shape); page.label = answer.label; page.real = "";
+      viewer.load(shape);
+      page.label = answer.label;
+      page.real = "";
       $("stage").textContent = "in outline: no holes, screws, dots; the gyroid as its envelope";
       if (page.job?.made && page.job.label === answer.label) show_real(answer.label);
     }
@@ -92,55 +129,94 @@ async function refresh() {
   say();
 }
 
-const X = (d) => 34 + 268 * (d - page.offer.diameter[0]) / (page.offer.diameter[1] - page.offer.diameter[0]);
-const top_wall = () => page.offer.wall[1] * 1.06, low_wall = () => page.offer.wall[0] * 0.8;
-const Y = (t) => 154 - 140 * (t - low_wall()) / (top_wall() - low_wall());
+const X = (d) => 34 + (268 * (d - page.offer.diameter[0])) / (page.offer.diameter[1] - page.offer.diameter[0]);
+const top_wall = () => page.offer.wall[1] * 1.06;
+const low_wall = () => page.offer.wall[0] * 0.8;
+const Y = (t) => 154 - (140 * (t - low_wall())) / (top_wall() - low_wall());
 function draw_region() {
-  const box = $("region"), rows = page.offer.region;
+  const box = $("region");
+  const rows = page.offer.region;
   const points = [...rows.map(([d, low]) => [d, low]), ...rows.map(([d, , high]) => [d, high]).reverse()];
-  svg("polygon", { points: points.map(([d, t]) => `${X(d)},${Y(t)}`).join(" "), fill: "#bfe0dc", stroke: "#2f6f6a" }, box);
-  for (const d of [100, 150, 200, 250]) svg("text", { x: X(d), y: 170, "font-size": 11, "text-anchor": "middle" }, box).textContent = d;
-  for (const t of [10, 15, 20, 25]) svg("text", { x: 30, y: Y(t) + 4, "font-size": 11, "text-anchor": "end" }, box).textContent = t;
+  svg(
+    "polygon",
+    { points: points.map(([d, t]) => `${X(d)},${Y(t)}`).join(" "), fill: "#bfe0dc", stroke: "#2f6f6a" },
+    box,
+  );
+  for (const d of [100, 150, 200, 250])
+    svg("text", { x: X(d), y: 170, "font-size": 11, "text-anchor": "middle" }, box).textContent = d;
+  for (const t of [10, 15, 20, 25])
+    svg("text", { x: 30, y: Y(t) + 4, "font-size": 11, "text-anchor": "end" }, box).textContent = t;
   svg("text", { x: 44, y: 18, "font-size": 11 }, box).textContent = "sizes that can be made: T over D, mm";
   svg("circle", { id: "point", r: 5, stroke: "#fff", "stroke-width": 1.5 }, box);
   box.addEventListener("click", (event) => {
     const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(box.getScreenCTM().inverse());
-    const [d0, d1] = page.offer.diameter, d = d0 + (d1 - d0) * (place.x - 34) / 268, t = low_wall() + (top_wall() - low_wall()) * (154 - place.y) / 140;
+    const [d0, d1] = page.offer.diameter;
+    const d = d0 + ((d1 - d0) * (place.x - 34)) / 268;
+    const t = low_wall() + ((top_wall() - low_wall()) * (154 - place.y)) / 140;
     $("D").value = $("D_number").value = (Math.round(2 * d) / 2).toString();
     $("T").value = $("T_number").value = t.toFixed(1);
     refresh();
   });
 }
 function draw_point() {
-  const d = Number($("D_number").value), t = Number($("T_number").value);
-  $("point").setAttribute("cx", Math.max(34, Math.min(316, X(d)))); $("point").setAttribute("cy", Math.max(6, Math.min(160, Y(t))));
+  const d = Number($("D_number").value);
+  const t = Number($("T_number").value);
+  $("point").setAttribute("cx", Math.max(34, Math.min(316, X(d))));
+  $("point").setAttribute("cy", Math.max(6, Math.min(160, Y(t))));
   $("point").setAttribute("fill", page.answer.refusal ? "#c0391c" : "#2f6f6a");
 }
 function draw_section(parts) {
-  const all = parts.flatMap((part) => part.profiles.flat()), reach = Math.max(...all.map(([x]) => x)) + 4;
-  const heights = all.map(([, z]) => z), low = Math.min(...heights) - 4, high = Math.max(...heights) + 4;
+  const all = parts.flatMap((part) => part.profiles.flat());
+  const reach = Math.max(...all.map(([x]) => x)) + 4;
+  const heights = all.map(([, z]) => z);
+  const low = Math.min(...heights) - 4;
+  const high = Math.max(...heights) + 4;
   $("section").setAttribute("viewBox", `${-reach} ${-high} ${2 * reach} ${high - low}`);
   $("section").replaceChildren();
-  for (const part of parts) for (const sign of [-1, 1]) for (const profile of part.profiles) {
-    const shape = svg("polygon", { points: profile.map(([x, z]) => `${sign * x},${-z}`).join(" "), fill: `rgb(${part.color.map((c) => 255 * c)})`, stroke: "#20242a", "stroke-width": 0.25 }, $("section"));
-    svg("title", {}, shape).textContent = part.name;
-  }
+  for (const part of parts)
+    for (const sign of [-1, 1])
+      for (const profile of part.profiles) {
+        const shape = svg(
+          "polygon",
+          {
+            points: profile.map(([x, z]) => `${sign * x},${-z}`).join(" "),
+            fill: `rgb(${part.color.map((c) => 255 * c)})`,
+            stroke: "#20242a",
+            "stroke-width": 0.25,
+          },
+          $("section"),
+        );
+        svg("title", {}, shape).textContent = part.name;
+      }
 }
 
-const post = (path, body) => fetch(path, { method: "POST", headers: { "X-Endcap-Token": token, "Content-Type": "application/json" }, body: JSON.stringify(body) });
+const post = (path, body) =>
+  fetch(path, {
+    method: "POST",
+    headers: { "X-Endcap-Token": token, "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
 async function make() {
   $("make").disabled = true;
   const answer = await post("make", { ...Object.fromEntries(query()), whole: $("whole").checked });
-  if (!answer.ok) { $("status").textContent = await answer.text(); $("make").disabled = false; say(); }
+  if (!answer.ok) {
+    $("status").textContent = await answer.text();
+    $("make").disabled = false;
+    say();
+  }
 }
-async function follow() { // long polling: the reply comes when the state has changed
+// Long polling: the reply comes when the state has changed.
+async function follow() {
   let seen = "";
   for (;;) {
     try {
       const reply = await fetch("job.json?seen=" + seen);
       if (!reply.ok) throw new Error(await reply.text());
       const job = await reply.json();
-      if (String(job.number) !== seen) { seen = String(job.number); show_job(job); }
+      if (String(job.number) !== seen) {
+        seen = String(job.number);
+        show_job(job);
+      }
     } catch (error) {
       $("status").textContent = error instanceof TypeError ? GONE : error.message;
       $("make").disabled = true;
@@ -151,22 +227,25 @@ async function follow() { // long polling: the reply comes when the state has ch
 }
 function ended_words(job) {
   if (job.status === 0) return `${job.label} is made.`;
-  if (job.made) return `${job.label} is made; of slicer projects and build sheet, what was under way was ${job.stopped ? "stopped" : `not (status ${job.status})`}.`;
-  return `${job.label} was ${job.stopped ? "stopped" : `not made (status ${job.status})`}; nothing was left behind.`;
+  const end = job.stopped ? "stopped" : `not made (status ${job.status})`;
+  if (!job.made) return `${job.label} was ${end}; nothing was left behind.`;
+  return `${job.label} is made; of slicer projects and build sheet, what was under way was ${end}.`;
 }
 function show_job(job) {
   page.job = job;
   $("stop").disabled = !job.running;
   $("make").disabled = job.running || Boolean(page.answer?.refusal);
   $("lines").hidden = !job.lines.length;
-  $("lines").textContent = job.lines.join("\n"); $("lines").scrollTop = $("lines").scrollHeight;
+  $("lines").textContent = job.lines.join("\n");
+  $("lines").scrollTop = $("lines").scrollHeight;
   if (job.running) $("status").textContent = `making ${job.label}: ${job.lines.at(-1)?.trim() ?? "starting"}`;
   else if (job.status !== null) $("status").textContent = ended_words(job);
   $("status").className = job.status ? "failed" : "";
   $("done").replaceChildren();
   if (job.status !== null && job.made) {
     const link = document.createElement("a");
-    link.href = `exports/${job.label}/index.html`; link.textContent = `open ${job.label}: files, pictures, next steps`;
+    link.href = `exports/${job.label}/index.html`;
+    link.textContent = `open ${job.label}: files, pictures, next steps`;
     $("done").append(link);
     if (page.answer?.label === job.label) show_real(job.label); // at the end of a run, or where it had ended before
   }

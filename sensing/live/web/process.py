@@ -50,13 +50,12 @@ LOCKED = """\
 <style>body {{ font: 18px/1.5 system-ui, sans-serif; max-width: 34em; margin: 3em auto; padding: 1em; }}</style></head>
 <body><h1>This page is locked</h1><p>{}</p></body></html>
 """
+SCRIPTS = ("elements", "draw", "words", "plots", "scene", "dome", "picture", "recording", "health", "page")
 STATIC = {
     "/": ("index.html", "text/html"),
     "/style.css": ("style.css", "text/css"),
     "/favicon.svg": ("favicon.svg", "image/svg+xml"),
-    **{
-        f"/{name}.js": (f"{name}.js", "text/javascript") for name in ("draw", "words", "plots", "scene", "dome", "page")
-    },
+    **{f"/{name}.js": (f"{name}.js", "text/javascript") for name in SCRIPTS},
 }
 
 

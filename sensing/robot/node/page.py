@@ -31,6 +31,7 @@ STATIC = {
     "/": ("index.html", "text/html"),
     "/robot.css": ("robot.css", "text/css"),
     "/robot.js": ("robot.js", "text/javascript"),
+    "/scene.js": ("scene.js", "text/javascript"),
 }
 STEP_S = 0.2  # s, interval of the points of path and plot
 MOST_POINTS = 3000  # ten minutes of them

@@ -49,7 +49,7 @@ def test_the_age_of_a_reference_is_by_the_clock_of_the_run(stage):
     """A tablet whose clock is wrong showed a reference of hours ago, or of tomorrow."""
     stage.free()
     of_tablet = "const now = Date.now; Date.now = () => 0; try { return %s; } finally { Date.now = now; }"
-    age = "zeroed({ zeroed: new Date(1000 * latest.now_s - 300000).toISOString() })"
+    age = "Health.zeroed({ zeroed: new Date(1000 * latest.now_s - 300000).toISOString() }, latest.now_s)"
     assert stage.tab.value(f"(() => {{ {of_tablet % age} }})()").endswith("(5 min ago)")
 
 
@@ -74,7 +74,7 @@ def test_a_run_that_stops_is_grey_with_its_age_and_its_buttons_do_nothing_then_o
     stage.process.send_signal(signal.SIGSTOP)
     stage.tab.value("$('record').click()")  # the page cannot know yet: the message waits for the run
     assert stage.tab.until(STALE, "socket.readyState") == 1  # it is the silence that shows, not a closed connection
-    assert re.search(r"No answer from sensing.live for \d+ s", stage.tab.value("$('lost').textContent"))
+    assert re.search(r"No answer from sensing.live for \d+ s", stage.tab.value("$('lost').innerText"))
     stage.tab.until("parseInt(/(\\d+) s ago/.exec(" + CARD.format("h") + ")[1]) >= 3")
     assert stage.tab.value(CARD.format("n")) == "–"
     assert re.match(r"0\.\d N, \d+ s ago", stage.tab.value(CARD.format("h")))

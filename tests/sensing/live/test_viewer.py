@@ -160,6 +160,6 @@ def test_the_chosen_endcap_and_the_icon_are_there_after_a_reload(stage):
     assert stage.tab.value("localStorage.getItem(KEPT)") == "endcap_0"
     stage.tab.call("Page.reload")
     stage.tab.until("!window.old && window.drawn > 2")
-    assert stage.tab.value("names[chosen]") == "endcap_0"
+    assert stage.tab.value("about[chosen].name") == "endcap_0"
     script = "fetch(document.querySelector('link[rel=icon]').href).then((a) => a.ok && a.headers.get('content-type'))"
     assert stage.tab.promised(script).startswith("image/svg+xml")

@@ -29,11 +29,13 @@ LONGEST_FIRST = (  # 115 to 15 s of processor time: must not be the last thing t
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Give the tests a cache folder of their own, the same to all test processes.
+    """Give the tests a cache folder of their own, the same to all test processes, and no setting of the user's.
 
-    What an earlier run kept must not answer a test, and what tests keep must not reach the user. Signals, too, are
-    what a terminal gives: tests that stop a program work in the background.
+    What an earlier run kept must not answer a test, nor what this user trained or the camera module of this shell, and
+    what tests keep must not reach the user. Signals, too, are what a terminal gives: tests that stop a program work in
+    the background.
     """
+    os.environ.pop("ENDCAP_CAMERA", None)
     # Test modules with their asserts taken apart, and modules that a started program loads, are compiled once.
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -43,6 +45,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if FOLDER not in os.environ:
         folder = tempfile.mkdtemp(prefix="endcap-tests-cache-")
         os.environ[FOLDER] = os.environ["XDG_CACHE_HOME"] = folder
+        os.environ["XDG_DATA_HOME"] = str(Path(folder) / "data")
         # Compiled kernels stay for the next run: numba looks at the source's date.
         if cache := getattr(config, "cache", None):
             os.environ["NUMBA_CACHE_DIR"] = str(cache.mkdir("numba"))

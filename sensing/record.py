@@ -119,8 +119,7 @@ def record(
 
     Raises:
         ParameterError: too few untouched frames, or a slop out of range.
-        ZeroError: the endcap moved during the first
-        frames.
+        ZeroError: the endcap moved during the first frames.
         ClockError: a clock jumped.
         StreamError: the stream broke.
         FileError: no space left.

@@ -191,7 +191,6 @@ def model_input(
     Raises:
         NoDotsError: the reference has no dots.
         FrameError: it cannot be decoded.
-        ParameterError: a camera of another
-        picture size.
+        ParameterError: a camera of another picture size.
     """
     return ModelInput(DotTracker(reference, config, params=params), shape, params, camera, radial)

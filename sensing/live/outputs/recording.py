@@ -113,6 +113,7 @@ class Recording:
             stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
             engine = self._run.engine
             pipelines = {endcap.name: endcap.pipeline for endcap in engine.endcaps}
+            playback = self._run.playback
             recorder = Recorder(
                 path or self._folder / f"endcap_{stamp}.mcap",
                 self._run.config,
@@ -120,6 +121,7 @@ class Recording:
                 lambda name: pipelines[name].request_restart(),
                 engine.health,
                 pictures=pictures,
+                played=None if playback is None else playback.timeline.clock(),
             )
             recorder.start()
             engine.add_sink(recorder, str(recorder.path))

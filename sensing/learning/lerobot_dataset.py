@@ -6,9 +6,9 @@
 Layout (``meta/info.json``, ``meta/tasks.parquet``, ``meta/episodes``, ``data``): that of lerobot 0.4. Pictures are the
 JPEGs as they are in the set, inside the parquet files. Features: ``observation.images.endcap``; ``observation.state``,
 the wrench on the endcap at the origin of its frame (N, N m); ``observation.contact``; ``observation.time_s``, the true
-time within the path; ``path``, its number: runs of one path have the same motion, and must stay on one
-side of a split. ``timestamp`` is frame over rate, as the format prescribes; the rate is that of the set. There is no ``action``: a plane presses,
-not a robot.
+time; ``path``, its number: runs of one path have the same motion, and must stay on one side of a split. ``timestamp``
+is frame over rate, as the format prescribes; the rate is that of the set. There is no ``action``: a plane presses, not
+a robot.
 """
 
 from __future__ import annotations

@@ -39,6 +39,8 @@ from sensing.live.outputs.recorded_tracks import (
     refused_message,
     tracks_message,
 )
+from sensing.live.outputs.ros.frames import Transforms
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, transforms
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -75,6 +77,7 @@ class Recorder(QueuedSink):
         stream: instead of a file, for tests.
         pictures: which are written.
         played: clock of the recording that the frames come from, if they do.
+        frames: of endcaps and cameras, as they are now.
 
     Attributes:
         frames: readings written.
@@ -95,6 +98,7 @@ class Recorder(QueuedSink):
         stream: BinaryIO | None = None,
         pictures: Pictures = Pictures.FULL,
         played: RecordedClock | None = None,
+        frames: Callable[[], Transforms] = dict,
     ) -> None:
         super().__init__(ROOM, DIAGNOSTICS_S)
         self.path, self.pictures, self.frames, self.kept = path, pictures, 0, 0
@@ -102,6 +106,7 @@ class Recorder(QueuedSink):
         self._notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
+        self._frames, self._placed = frames, b""  # as last written
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
@@ -142,6 +147,7 @@ class Recorder(QueuedSink):
                 for topic, kind in self._topics.items():
                     self._channel(f"/{endcap.name}/{topic}", kind)
             self._channel("/diagnostics", ros.DIAGNOSTICS)
+            self._channel(STATIC, TRANSFORMS, LATCHED)
             self._channel(NOTES, ros.STRING)
             self._stream.flush()
         except OSError as error:
@@ -158,6 +164,7 @@ class Recorder(QueuedSink):
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
             self._add(reading, "zero", ros.compressed_image(png, form, stamp, ros.camera_frame(reading.endcap)), stamp)
             self._add(reading, "zero_error_px", ros.float64(reading.zero.error_px), stamp)
+            self._place(stamp)
         if (kept := reading.before.of_events) != self._kept.get(reading.endcap):
             self._kept[reading.endcap] = kept
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)
@@ -250,6 +257,13 @@ class Recorder(QueuedSink):
             self._add(reading, "refused", refused_message(reading), stamp)
         self._add(reading, "tracks", tracks_message(reading), stamp)
 
+    def _place(self, stamp: int) -> None:
+        """Write the frames, where they are others than before: a reference may show another camera."""
+        children = self._frames()
+        if children and (placed := transforms(children, 0)) != self._placed:
+            self._placed = placed
+            self._writer.add_message(self._channels[STATIC], stamp, transforms(children, stamp), stamp)
+
     def _write_notes(self) -> None:
         while self._notes:
             stamp = self._stamps.now_ns()
@@ -275,7 +289,7 @@ class Recorder(QueuedSink):
         self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
         self._bytes += len(data)
 
-    def _channel(self, topic: str, kind: str) -> None:
+    def _channel(self, topic: str, kind: str, about: dict[str, str] | None = None) -> None:
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about or {})

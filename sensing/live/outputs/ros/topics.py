@@ -33,10 +33,8 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
-from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.core.robot import unplaced
 from sensing.live.core.sink import QueuedSink, reason_of
 from sensing.live.core.state import WITHOUT_FRAMES
 from sensing.live.core.stats import EndcapHealth
@@ -45,12 +43,13 @@ from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
+from sensing.live.outputs.ros.frames import transforms_of
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.live.outputs.ros.zero_service import ZeroServices
 
 ROOM = 64
 BEAT_S = 0.5
-IMAGE_TOPIC, ROBOT = "image/compressed", "robot"
+IMAGE_TOPIC = "image/compressed"
 TOPICS: dict[str, str] = {  # below an endcap's name
     "wrench/wrench_pred": ros.WRENCH,
     "wrench/with_covariance": ros.ENDCAP_WRENCH,
@@ -205,19 +204,6 @@ class RosTopics(QueuedSink):
                 self._writers[health.endcap]["valid"].write(dds.encoded(ros.BOOL, ros.boolean(False)))
         for endcap, writers in self._writers.items():
             self._looked_at[endcap] = bool(writers[IMAGE_TOPIC].get_matched_subscriptions())
-
-
-def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, Any]]:
-    """(parent, child to parent, mm) by child. An endcap whose place on the robot is not known has no parent."""
-    found: dict[str, tuple[str, Any]] = {}
-    shared = unplaced([pipeline.endcap for pipeline in pipelines])
-    for pipeline in pipelines:
-        endcap = pipeline.endcap
-        found[ros.camera_frame(endcap.name)] = endcap.name, inverse(pipeline.camera(640, 480).T_camera_endcap)
-        default = np.array_equal(endcap.T_robot_endcap, np.eye(4))  # of one endcap among others it may be the place
-        if not default or (len(pipelines) > 1 and endcap.name not in shared):
-            found[endcap.name] = ROBOT, endcap.T_robot_endcap
-    return found
 
 
 def open_participant(domain: int | None = None) -> tuple[Any, Any]:

@@ -81,7 +81,8 @@ class _Printer:
         if isinstance(block, Drawing):
             name = self.name("svg")
             (self.root / name).write_text(block.svg, encoding="utf-8")
-            size = f"width: {block.width_mm:g}mm, height: {block.height_mm:g}mm, alt: {_text(block.caption or 'drawing')}"
+            size = f"width: {block.width_mm:g}mm, height: {block.height_mm:g}mm"
+            size += f", alt: {_text(block.caption or 'drawing')}"
             return f'#box(stack(spacing: 1mm, image("{name}", {size}), text(8pt, {_text(block.caption)})))'
         raise TypeError(f"no way to print {type(block).__name__}")
 
@@ -116,7 +117,8 @@ class _Printer:
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
         body = words
         if step.picture:
-            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {self.image(step.picture, 'width: 100%', step.title)})"
+            picture = self.image(step.picture, "width: 100%", step.title)
+            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {picture})"
         return (
             '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
             f"inset: (y: 2.5mm), {body})"

@@ -40,7 +40,7 @@ from sensing.live.outputs.recorded_tracks import (
     tracks_message,
 )
 from sensing.live.outputs.ros.frames import Transforms
-from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, transforms
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, endcap_wrench, transforms
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -57,6 +57,7 @@ TOPICS: dict[str, str] = {
     "array/shear_vector": ros.ARRAY,
     "wrench/estimate": ros.WRENCH,
     "wrench/wrench_pred": ros.WRENCH,
+    "wrench/with_covariance": ros.ENDCAP_WRENCH,
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
     "contact_place": ros.POSE,
@@ -173,6 +174,7 @@ class Recorder(QueuedSink):
         self._add_picture(reading, stamp)
         self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.endcap), stamp)
         self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.endcap), stamp)
+        self._add(reading, "wrench/with_covariance", endcap_wrench(reading, stamp), stamp)
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
         self._add(reading, "valid", ros.boolean(reading.valid), stamp)
         self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)

@@ -157,6 +157,10 @@ def test_an_independent_reader_opens_the_recording(recorded):
     assert image.format == "jpeg" and bytes(image.data[:2]) == b"\xff\xd8"
     stamp_s = image.header.stamp.sec + image.header.stamp.nanosec / 1e9
     assert abs(stamp_s - time.time()) < 600 and stamp_s == pytest.approx(message.log_time / 1e9)
+    whole = seen["/endcap_0/wrench/with_covariance"][-1][1]
+    assert whole.wrench.force.x == forces[-1] and (whole.valid, whole.state) == (True, "running")
+    spread = np.array(whole.covariance).reshape(6, 6)
+    assert np.array_equal(spread, spread.T) and (np.linalg.eigvalsh(spread) > 0).all()
     placed = {each.child_frame_id: each.header.frame_id for each in seen["/tf_static"][-1][1].transforms}
     assert placed == {f"{endcap}_camera": endcap for endcap in ENDCAPS}  # of image and reference; no robot is stated
     assert image.header.frame_id in placed

@@ -81,7 +81,7 @@ class LabelledFrame:
         dots_visible: (d,) whether a dot is painted, in the picture and not hidden.
         path: number of the loading path.
         phase: name of the phase of that path, such as "touch".
-        labels: the row of every column (:data:`COLUMNS`).
+        labels: the row of every column (:attr:`LabelledSet.columns`).
     """
 
     frame: Frame
@@ -160,6 +160,12 @@ class LabelledSet:
             )
 
     @property
+    def columns(self) -> dict[str, str]:
+        """What each column holds, by name: :data:`COLUMNS`, and those that this set has besides."""
+        own = self.manifest.get("columns")
+        return COLUMNS | (own if isinstance(own, dict) else {})
+
+    @property
     def has_pictures(self) -> bool:
         """False for a set that was written with ``--render off``."""
         return self.manifest.get("request", {}).get("render") != "off"
@@ -196,8 +202,8 @@ class LabelledSet:
             ParameterError: unknown column.
             FileError: a corrupt shard.
         """
-        if name not in COLUMNS:
-            raise ParameterError(f"column={name!r} is none of {', '.join(COLUMNS)}", name="column", value=name)
+        if name not in self.columns:
+            raise ParameterError(f"column={name!r} is none of {', '.join(self.columns)}", name="column", value=name)
         parts = [read_shard(path, (name,))[name] for path in self.shards]
         return np.concatenate(parts) if parts else np.zeros(0)
 
@@ -242,7 +248,7 @@ class LabelledSet:
         if "jpeg" not in arrays:
             raise FileError(f"{file}: holds no pictures (written with --render off): use column() for its labels")
         try:
-            labels = {name: arrays[name][row] for name in COLUMNS}
+            labels = {name: arrays[name][row] for name in self.columns}
             picture = _picture(arrays["jpeg"], arrays["jpeg_end"], row)
             reference = _picture(arrays["reference_jpeg"], arrays["reference_jpeg_end"], int(labels["reference"]))
             return self._frame(file, labels, picture, reference)

@@ -5,7 +5,7 @@
 
 Input ``field`` (N, 2 H W): u then v, row by row, pixels of the 200 x 200 crop. Outputs ``wrench`` (N, 6) on the endcap
 about the sphere's centre, N and N m, and ``covariance`` (N, 6, 6). The graph computes in float32; ``storage`` says how
-the large matrices lie in the file: float32, float16, or int8 with a scale for each row.
+the large matrices lie in the file: float32, float16, or int8 with a scale for each row. The file says all this itself.
 """
 
 from __future__ import annotations
@@ -33,6 +33,17 @@ if TYPE_CHECKING:
 STORAGE = ("float32", "float16", "int8")
 OPSET, IR = 17, 8  # understood since ONNX Runtime 1.13
 FLOAT16_MAX = 65504.0
+# What the file says of itself, for readers that have nothing else.
+GRAPH_DOC = (
+    "Wrench of an endcap from the displacement field of its dots. The network alone: neither the flags (out of range, "
+    "dots lost) nor what live adds to the covariance (noise and calibration of the camera, simulated training)."
+)
+FIELD_DOC = (
+    "u then v of {height} x {width} cells, row by row: displacement from the untouched endcap, px of the 200 x 200 "
+    "centre crop, as sensing.tracking.model_input gives it; 0 in cells without a value"
+)
+WRENCH_DOC = "force x y z (N), torque x y z (N m) of the world on the endcap, endcap axes, about the sphere's centre"
+COVARIANCE_DOC = "of the wrench, in its order and units"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,13 +79,17 @@ def onnx_graph(model: WrenchModel, storage: str = "float32") -> ModelProto:
     draft = _Draft(storage)
     _mean(draft, model)
     _covariance(draft, model)
-    width = 2 * model.shape[0] * model.shape[1]
-    value = helper.make_tensor_value_info
-    graph = helper.make_graph(
-        draft.nodes, "wrench", [value("field", 1, ["N", width])],
-        [value("wrench", 1, ["N", 6]), value("covariance", 1, ["N", 6, 6])], draft.constants,
+    height, width = model.shape
+    field = helper.make_tensor_value_info(
+        "field", 1, ["N", 2 * height * width], FIELD_DOC.format(height=height, width=width)
+    )
+    wrench = helper.make_tensor_value_info("wrench", 1, ["N", 6], WRENCH_DOC)
+    covariance = helper.make_tensor_value_info("covariance", 1, ["N", 6, 6], COVARIANCE_DOC)
+    graph = helper.make_graph(draft.nodes, "wrench", [field], [wrench, covariance], draft.constants, GRAPH_DOC)
+    made = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR, producer_name="endcap-toolkit",
+        doc_string=GRAPH_DOC,
     )  # fmt: skip
-    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR)
     known = {"design": model.design.label, "digest": model.design.digest, "about": json.dumps(model.about)}
     known["method"] = model.method
     known["identity"] = json.dumps(model.identity.record() if model.identity else None)

@@ -82,6 +82,7 @@ class _Printer:
             name = self.name("svg")
             (self.root / name).write_text(block.svg, encoding="utf-8")
             size = f"width: {block.width_mm:g}mm, height: {block.height_mm:g}mm"
+            size += f", alt: {_text(block.caption or 'drawing')}"
             return f'#box(stack(spacing: 1mm, image("{name}", {size}), text(8pt, {_text(block.caption)})))'
         raise TypeError(f"no way to print {type(block).__name__}")
 
@@ -116,22 +117,24 @@ class _Printer:
         words = f"stack(spacing: 2.5mm, strong({_text(step.number + ' ' + step.title)}), list(spacing: 2mm, {lines}))"
         body = words
         if step.picture:
-            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {self.image(step.picture, 'width: 100%')})"
+            picture = self.image(step.picture, "width: 100%", step.title)
+            body = f"grid(columns: (1fr, 86mm), gutter: 5mm, {words}, {picture})"
         return (
             '#block(breakable: false, width: 100%, above: 2mm, stroke: (top: 0.5pt + rgb("#d5dade")), '
             f"inset: (y: 2.5mm), {body})"
         )
 
-    def image(self, path: Path, size: str) -> str:
-        """Typst call that places a picture.
+    def image(self, path: Path, size: str, words: str = "") -> str:
+        """Typst call that places a picture, with the words that stand for it in a screen reader, as in HTML.
 
         Args:
             path: of the picture.
             size: Typst arguments of its size.
+            words: what it shows; empty for its name.
         """
         name = self.name(path.suffix[1:])
         shutil.copyfile(path, self.root / name)
-        return f'image("{name}", {size})'
+        return f'image("{name}", {size}, alt: {_text(words or path.stem)})'
 
     def name(self, suffix: str) -> str:
         """An unused file name.

@@ -63,8 +63,9 @@ def ring_bom(led_count: int = LED_COUNT) -> tuple[RingLine, ...]:
 
 
 def bom_csv(lines: tuple[RingLine, ...]) -> str:
-    """The lines as CSV."""
-    return _table(list(RingLine.__dataclass_fields__), [list(vars(line).values()) for line in lines])
+    """The lines as CSV, references with commas between them, as assembly houses read them."""
+    rows = [vars(line) | {"references": line.references.replace(" ", ",")} for line in lines]
+    return _table(list(RingLine.__dataclass_fields__), [list(row.values()) for row in rows])
 
 
 def placement_csv(led_count: int = LED_COUNT) -> str:

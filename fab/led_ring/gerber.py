@@ -28,6 +28,7 @@ from fab.led_ring.silk import silk_shape
 OUTLINE_MM = 0.1  # width of the line that draws the board's edge
 MASK_GROWTH_MM = 0.05  # a side, opening of the solder mask round a pad
 PASTE_SHRINK_MM = 0.05  # a side, opening of the stencil
+UNUSED_APERTURE = b"%ADD10C,0.1*%\n"
 _OVERLAP_MM = 1e-3  # of the pieces of a cut polygon, so that no hairline opens
 LAYERS = {  # file -> X2 function
     "F_Cu": "Copper,L1,Top",
@@ -81,8 +82,13 @@ def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
 
 
 def _repaired(data: bytes) -> bytes:
-    """Repair output of gerbonara 1.5 that strict readers refuse: G75 without asterisk, G01 with two, deprecated IP."""
-    return data.replace(b"\nG75\n", b"\nG75*\n").replace(b"**\n", b"*\n").replace(b"%IPPOS*%\n", b"")
+    """Repair output of gerbonara 1.5 that other readers refuse or warn of.
+
+    G75 without asterisk, G01 with two, deprecated IP. A file of regions alone names no aperture, by which programs such
+    as gerbv take it for RS-274D, whose apertures lie in another file: it names one, which nothing draws with.
+    """
+    data = data.replace(b"\nG75\n", b"\nG75*\n").replace(b"**\n", b"*\n").replace(b"%IPPOS*%\n", b"")
+    return data if b"%ADD" in data else data.replace(b"%LPD*%\n", b"%LPD*%\n" + UNUSED_APERTURE, 1)
 
 
 def write_archive(files: dict[str, bytes], path: Path) -> None:

@@ -6,9 +6,9 @@
 Layout (``meta/info.json``, ``meta/tasks.parquet``, ``meta/episodes``, ``data``): that of lerobot 0.4. Pictures are the
 JPEGs as they are in the set, inside the parquet files. Features: ``observation.images.endcap``; ``observation.state``,
 the wrench on the endcap at the origin of its frame (N, N m); ``observation.contact``; ``observation.time_s``, the true
-time within the path; ``path``, its number: runs of one path have the same motion, and must stay on one
-side of a split. ``timestamp`` is frame over rate, as the format prescribes. There is no ``action``: a plane presses,
-not a robot.
+time; ``path``, its number: runs of one path have the same motion, and must stay on one side of a split. ``timestamp``
+is frame over rate, as the format prescribes; the rate is that of the set. There is no ``action``: a plane presses, not
+a robot.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sensing.decode import decode_gray
 from sensing.records_labelled import LabelledFrame, LabelledSet
 
 VERSION = "v3.0"  # of the format
-RATE_HZ = 30  # frame rate of ``timestamp``
+RATE_HZ = 30  # frame rate of a set in which no frame follows another
 # Names of the features.
 IMAGE, STATE, CONTACT = "observation.images.endcap", "observation.state", "observation.contact"
 TIME, PATH = "observation.time_s", "path"
@@ -57,13 +57,22 @@ def write_lerobot(data: LabelledSet, folder: Path, task: str = "") -> int:
     task = task or f"press the endcap: {data.manifest['request'].get('protocol', 'path')}"
     try:
         with new_folder(folder) as place:
-            writer = _Writer(place)
+            writer = _Writer(place, frame_rate_hz(data))
             for episode, frames in enumerate(_runs(data)):
                 writer.add(episode, frames, task)
             writer.finish(task)
     except OSError as error:
         raise FileError(f"{folder}: cannot be written ({error.strerror}): free some space or choose another") from error
     return writer.frames
+
+
+def frame_rate_hz(data: LabelledSet) -> int:
+    """Frames a second of a set: the median over neighbours of one episode, a whole number as the format has it."""
+    time_s, path, azimuth = (data.column(name) for name in ("time_s", "path", "azimuth_deg"))
+    follows = (np.diff(path) == 0) & ((np.diff(azimuth) == 0) | np.isnan(azimuth[1:]))
+    steps_s = np.diff(time_s)[follows]
+    steps_s = steps_s[steps_s > 0]
+    return max(1, round(1 / float(np.median(steps_s)))) if len(steps_s) else RATE_HZ
 
 
 def _runs(data: LabelledSet) -> Iterator[list[LabelledFrame]]:
@@ -74,12 +83,12 @@ def _runs(data: LabelledSet) -> Iterator[list[LabelledFrame]]:
 class _Writer:
     """Collects episodes into files of some hundred MB; only this format needs pyarrow, which is loaded here."""
 
-    def __init__(self, place: Path) -> None:
+    def __init__(self, place: Path, rate_hz: int) -> None:
         import pyarrow
         import pyarrow.parquet
 
         self._arrow, self._parquet, self._place = pyarrow, pyarrow.parquet, place
-        self.frames = 0
+        self.frames, self._rate_hz = 0, rate_hz
         self._episodes: list[dict[str, Any]] = []
         self._columns: list[dict[str, NDArray[Any]]] = []
         self._sampled: list[NDArray[np.float64]] = []
@@ -105,7 +114,7 @@ class _Writer:
             CONTACT: np.array([item.contact for item in frames], bool),
             TIME: np.array([item.frame.time_s for item in frames], np.float32),
             PATH: np.array([item.path for item in frames], np.int64),
-            "timestamp": (np.arange(count) / RATE_HZ).astype(np.float32),
+            "timestamp": (np.arange(count) / self._rate_hz).astype(np.float32),
             "frame_index": np.arange(count),
             "episode_index": np.full(count, episode),
             "index": self.frames + np.arange(count),
@@ -172,7 +181,7 @@ class _Writer:
         return {
             "codebase_version": VERSION, "robot_type": "endcap", "total_episodes": len(self._episodes),
             "total_frames": self.frames, "total_tasks": 1, "chunks_size": FILES_IN_CHUNK,
-            "data_files_size_in_mb": FILE_MB, "video_files_size_in_mb": 200, "fps": RATE_HZ,
+            "data_files_size_in_mb": FILE_MB, "video_files_size_in_mb": 200, "fps": self._rate_hz,
             "splits": {"train": f"0:{len(self._episodes)}"}, "data_path": "data/" + PATTERN, "video_path": None,
             "features": features,
         }  # fmt: skip

@@ -9,14 +9,18 @@ that hold a reference.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.records import Channel, Message
 
-from sensing.live.mcap_records import chunk_places, read_chunk, read_records
+from sensing.live.mcap_records import CutError, DamagedError, chunk_places, read_chunk, read_records
+from sensing.live.outputs.capture_stamps import RecordedClock
+from sensing.live.recorded_messages import time_in
 
 NS = 1e-9
+CAPTURE_TIME = "/image/capture_time"  # end of the topics with the time of each picture
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,18 @@ class Timeline:
     def at_s(self, stamp_ns: int) -> float:
         """Moment of a message."""
         return NS * (stamp_ns - self.begin_ns)
+
+    def clock(self) -> RecordedClock | None:
+        """Wall time of the capture times, as of the first picture; None where none can be read."""
+        topics: dict[int, str] = {}
+        with suppress(CutError, DamagedError):  # said when it is played
+            for record in read_records(self._path):
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message) and topics.get(record.channel_id, "").endswith(CAPTURE_TIME):
+                    time_s = time_in(self._path, CAPTURE_TIME, record)
+                    return RecordedClock(self.begin_ns, record.log_time - int(time_s * 1e9))
+        return None
 
     def start(self, endcap: str, moment_s: float) -> Start:
         """Where to begin so that the first picture is that of a moment.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,6 +159,11 @@ def test_pdf_has_pages_pictures_and_the_same_bytes_twice(document, tmp_path):
     data = paths[0].read_bytes()
     assert data.startswith(b"%PDF") and data.rstrip().endswith(b"%%EOF") and b"/Image" in data
     assert data == paths[1].read_bytes()
+    parts = [part.split(b"endstream")[0] for part in re.split(rb"stream\r?\n", data)[1:]]
+    inside = b"".join(zlib.decompressobj().decompress(part) for part in parts if part[:1] == b"x")
+    alternatives = re.findall(rb"/Alt ?\((.*?)\)", inside)  # for screen readers, as in the HTML
+    ruler_says = b"100 mm: if this measures otherwise, print again at 100 %"
+    assert sorted(alternatives) == [ruler_says, b"Pour", b"a", b"a"]
 
 
 @pytest.mark.parametrize(

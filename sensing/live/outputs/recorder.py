@@ -4,8 +4,8 @@ Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` 
 recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever frames
 had to be left out (a slow disk): those until then are counted as lost. Pictures may be halved or left out: then the
 dots are recorded, from which the same bits follow (:mod:`sensing.live.outputs.recorded_tracks`). Every chunk is
-flushed: a killed run leaves a file readable up to there. Stamps are wall time; the exact capture time on the frames'
-own clock lies beside every picture.
+flushed: a killed run leaves a file readable up to there. Stamps are the wall time of the capture, at whatever pace a
+file is read; the exact capture time on the frames' own clock lies beside every picture.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import EndcapHealth
 from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.capture_stamps import CaptureStamps, RecordedClock
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.new_recording import create, put_on_disk, write_soon
@@ -38,7 +39,8 @@ from sensing.live.outputs.recorded_tracks import (
     refused_message,
     tracks_message,
 )
-from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
+from sensing.live.outputs.ros.frames import Transforms
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, endcap_wrench, transforms
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -55,6 +57,7 @@ TOPICS: dict[str, str] = {
     "array/shear_vector": ros.ARRAY,
     "wrench/estimate": ros.WRENCH,
     "wrench/wrench_pred": ros.WRENCH,
+    "wrench/with_covariance": ros.ENDCAP_WRENCH,
     "wrench/force_norm": ros.FLOAT64,
     "contact": ros.BOOL,
     "contact_place": ros.POSE,
@@ -74,6 +77,8 @@ class Recorder(QueuedSink):
         health: for the diagnostics.
         stream: instead of a file, for tests.
         pictures: which are written.
+        played: clock of the recording that the frames come from, if they do.
+        frames: of endcaps and cameras, as they are now.
 
     Attributes:
         frames: readings written.
@@ -93,6 +98,8 @@ class Recorder(QueuedSink):
         health: Callable[[], Sequence[EndcapHealth]] = list,
         stream: BinaryIO | None = None,
         pictures: Pictures = Pictures.FULL,
+        played: RecordedClock | None = None,
+        frames: Callable[[], Transforms] = dict,
     ) -> None:
         super().__init__(ROOM, DIAGNOSTICS_S)
         self.path, self.pictures, self.frames, self.kept = path, pictures, 0, 0
@@ -100,11 +107,12 @@ class Recorder(QueuedSink):
         self._notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
+        self._frames, self._placed = frames, b""  # as last written
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
         self._behind: set[str] = set()  # endcaps to be restarted once the disk has caught up
-        self._wall_ns = wall_less_monotonic_ns()  # fixed: stamps do not follow a clock being set
+        self._stamps = CaptureStamps(played)
         self._next_s, self._bytes, self._flushed_s = 0.0, 0, time.monotonic()
         self._files = carried_files(config)
         self._stream = create(path) if stream is None else stream
@@ -140,6 +148,7 @@ class Recorder(QueuedSink):
                 for topic, kind in self._topics.items():
                     self._channel(f"/{endcap.name}/{topic}", kind)
             self._channel("/diagnostics", ros.DIAGNOSTICS)
+            self._channel(STATIC, TRANSFORMS, LATCHED)
             self._channel(NOTES, ros.STRING)
             self._stream.flush()
         except OSError as error:
@@ -149,13 +158,14 @@ class Recorder(QueuedSink):
 
     def write(self, reading: EndcapReading) -> None:
         """All messages of one reading."""
-        stamp = self._wall_ns + int(reading.captured_s * 1e9)
+        stamp = self._stamps.of(reading)
         if reading.epoch != self._begun[reading.endcap]:
             self._begun[reading.endcap] = reading.epoch
             self._kept.pop(reading.endcap, None)
             png, form = ros.picture_bytes(Frame(0.0, 0, reading.endcap, image=reading.zero.image))
-            self._add(reading, "zero", ros.compressed_image(png, form, stamp, reading.endcap), stamp)
+            self._add(reading, "zero", ros.compressed_image(png, form, stamp, ros.camera_frame(reading.endcap)), stamp)
             self._add(reading, "zero_error_px", ros.float64(reading.zero.error_px), stamp)
+            self._place(stamp)
         if (kept := reading.before.of_events) != self._kept.get(reading.endcap):
             self._kept[reading.endcap] = kept
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)
@@ -164,6 +174,7 @@ class Recorder(QueuedSink):
         self._add_picture(reading, stamp)
         self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.endcap), stamp)
         self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.endcap), stamp)
+        self._add(reading, "wrench/with_covariance", endcap_wrench(reading, stamp), stamp)
         self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
         self._add(reading, "valid", ros.boolean(reading.valid), stamp)
         self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
@@ -184,9 +195,8 @@ class Recorder(QueuedSink):
 
     def idle(self) -> None:
         """Why no frame comes is recorded too."""
-        now_s = time.monotonic()
         self._write_notes()
-        self._diagnose(now_s, self._wall_ns + int(now_s * 1e9))
+        self._diagnose(time.monotonic(), self._stamps.now_ns())
         self._flush()
 
     def admit(self, reading: EndcapReading) -> bool:
@@ -237,20 +247,28 @@ class Recorder(QueuedSink):
 
     def _add_picture(self, reading: EndcapReading, stamp: int) -> None:
         """Write the input of a replay: the picture, or the dots seen in it."""
+        frame_id = ros.camera_frame(reading.endcap)
         if self.pictures is Pictures.FULL:
             data, form = ros.picture_bytes(reading.frame)
-            self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, reading.endcap), stamp)
+            self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, frame_id), stamp)
             self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
             return
         if self.pictures is Pictures.HALF and (data := half_picture(reading.frame)):
-            self._add(reading, "image/compressed", ros.compressed_image(data, "jpeg", stamp, reading.endcap), stamp)
+            self._add(reading, "image/compressed", ros.compressed_image(data, "jpeg", stamp, frame_id), stamp)
         if reading.tracks is None:
             self._add(reading, "refused", refused_message(reading), stamp)
         self._add(reading, "tracks", tracks_message(reading), stamp)
 
+    def _place(self, stamp: int) -> None:
+        """Write the frames, where they are others than before: a reference may show another camera."""
+        children = self._frames()
+        if children and (placed := transforms(children, 0)) != self._placed:
+            self._placed = placed
+            self._writer.add_message(self._channels[STATIC], stamp, transforms(children, stamp), stamp)
+
     def _write_notes(self) -> None:
         while self._notes:
-            stamp = self._wall_ns + int(time.monotonic() * 1e9)
+            stamp = self._stamps.now_ns()
             self._writer.add_message(self._channels[NOTES], stamp, ros.string(self._notes.popleft()), stamp)
 
     def _flush(self) -> None:
@@ -273,7 +291,7 @@ class Recorder(QueuedSink):
         self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
         self._bytes += len(data)
 
-    def _channel(self, topic: str, kind: str) -> None:
+    def _channel(self, topic: str, kind: str, about: dict[str, str] | None = None) -> None:
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about or {})

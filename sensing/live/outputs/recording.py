@@ -14,6 +14,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import reason_of
 from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.ros.frames import transforms_of
 
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
@@ -113,6 +114,7 @@ class Recording:
             stamp = f"{now:%Y%m%d_%H%M%S}_{now.microsecond // 1000:03d}"
             engine = self._run.engine
             pipelines = {endcap.name: endcap.pipeline for endcap in engine.endcaps}
+            playback = self._run.playback
             recorder = Recorder(
                 path or self._folder / f"endcap_{stamp}.mcap",
                 self._run.config,
@@ -120,6 +122,8 @@ class Recording:
                 lambda name: pipelines[name].request_restart(),
                 engine.health,
                 pictures=pictures,
+                played=None if playback is None else playback.timeline.clock(),
+                frames=lambda: transforms_of(list(pipelines.values())),
             )
             recorder.start()
             engine.add_sink(recorder, str(recorder.path))

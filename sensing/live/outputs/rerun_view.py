@@ -8,6 +8,8 @@ from typing import Any
 from cad.errors import ParameterError
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.capture_stamps import CaptureStamps
 
 ROOM = 16
 
@@ -25,16 +27,17 @@ class RerunView(QueuedSink):
             self._rerun: Any = importlib.import_module("rerun")
         except ImportError:
             raise ParameterError("--rerun needs the Rerun viewer: run pip install rerun-sdk", name="rerun") from None
+        self._stamps = CaptureStamps()
         self._rerun.init("endcaps", spawn=True)
 
     def write(self, reading: EndcapReading) -> None:
         """Picture and wrench of one reading."""
         rerun = self._rerun
-        rerun.set_time("capture", duration=reading.captured_s)
-        if reading.frame.jpeg is not None:
-            rerun.log(
-                f"{reading.endcap}/image", rerun.EncodedImage(contents=reading.frame.jpeg, media_type="image/jpeg")
-            )
+        rerun.set_time("capture", timestamp=self._stamps.of(reading) / 1e9)
+        frame = reading.frame
+        if not frame.fault and (frame.jpeg is not None or frame.image is not None):  # not so of dots alone
+            data, form = ros.picture_bytes(frame)
+            rerun.log(f"{reading.endcap}/image", rerun.EncodedImage(contents=data, media_type=f"image/{form}"))
         for name, values in (("force_n", reading.wrench.force_n), ("torque_nm", reading.wrench.torque_nm)):
             for axis, value in zip("xyz", values, strict=True):
                 rerun.log(f"{reading.endcap}/{name}/{axis}", rerun.Scalars(float(value)))

@@ -61,6 +61,11 @@ def decode(name: str, data: bytes) -> Any:
     return typestore().deserialize_cdr(data, name)
 
 
+def camera_frame(endcap: str) -> str:
+    """Name of the frame that pictures and camera_info are in: x right, y down, z along the optical axis."""
+    return f"{endcap}_camera"
+
+
 def header(stamp_ns: int, frame_id: str) -> Any:
     """std_msgs/Header; the stamp is wall time."""
     types = typestore().types
@@ -112,7 +117,7 @@ def compressed_image(data: bytes, form: str, stamp_ns: int, frame_id: str) -> by
         data: the file.
         form: ``jpeg`` or ``png``.
         stamp_ns: wall time.
-        frame_id: name of the endcap.
+        frame_id: :func:`camera_frame` of the endcap.
     """
     content = np.frombuffer(data, np.uint8)
     return encode(IMAGE, typestore().types[IMAGE](header=header(stamp_ns, frame_id), format=form, data=content))

@@ -1,12 +1,14 @@
 """Records a run as MCAP: every sample as it came, every estimate, and the robot's description.
 
 The file holds samples and estimates in the order in which they were taken and made, so that ``--replay`` can compute
-the estimates again from the samples and compare them to the bit. Foxglove and ``ros2 bag`` open it.
+the estimates again from the samples and compare them to the bit. Foxglove and ``ros2 bag`` open it. Messages have the
+time at which they were written; those of a run with a clock of its own have that clock's, however fast it runs.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +19,7 @@ from cad.errors import FileError
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.new_recording import create
-from sensing.live.outputs.ros.messages import TRANSFORMS
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS
 from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.robot.node import messages
 from sensing.robot.node.record import Report, estimate_text
@@ -56,6 +58,7 @@ class RobotRecorder:
         self.samples, self.reports, self.failed = 0, 0, ""
         self._kept = 0, 0  # samples and reports in the chunks that are in the file
         self.wall_ns = wall_less_monotonic_ns() if wall_ns is None else wall_ns
+        self._newest_ns = wall_ns  # stamp of the newest sample, or estimate, of a clock of its own; None without
         self._cables = tuple(cable.name for cable in robot.cables if cable.measured)
         self._stream = create(path)
         self._writer = Writer(self._stream, chunk_size=1 << 18, compression=CompressionType.ZSTD, enable_data_crcs=True)
@@ -71,26 +74,29 @@ class RobotRecorder:
 
     def sample(self, sample: Sample) -> None:
         """Write a sample as it arrived."""
+        stamp = self.wall_ns + (whole_ns(sample.time_s) if math.isfinite(sample.time_s) else 0)
+        if not self._channels:
+            self._add(STATIC, TRANSFORMS, messages.endcap_transforms(self._robot, stamp), stamp)
         kind, data = messages.sample_message(sample, self._cables, self.wall_ns)
         if isinstance(sample, InertialSample):
             topic = f"/imu/{sample.sensor}"
         else:
             topic = LENGTHS if isinstance(sample, LengthSample) else f"/{sample.endcap}/wrench/with_covariance"
         self.samples += not self.failed
-        self._add(topic, kind, data)
+        self._add(topic, kind, data, stamp)
 
     def report(self, report: Report) -> None:
         """Write an estimate, and the truth where it is known."""
         estimate = report.estimate
         stamp = self.wall_ns + whole_ns(estimate.time_s)
         self.reports += not self.failed
-        self._add(ESTIMATE, ros.STRING, ros.string(estimate_text(estimate)))
+        self._add(ESTIMATE, ros.STRING, ros.string(estimate_text(estimate)), stamp)
         for bar in estimate.bars:
-            self._add(f"/robot/bar/{bar.name}/odometry", messages.ODOMETRY, messages.odometry(bar, stamp))
-        self._add("/robot/endcaps", messages.POSES, messages.endcap_poses(estimate, stamp))
-        self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp))
+            self._add(f"/robot/bar/{bar.name}/odometry", messages.ODOMETRY, messages.odometry(bar, stamp), stamp)
+        self._add("/robot/endcaps", messages.POSES, messages.endcap_poses(estimate, stamp), stamp)
+        self._add("/tf", TRANSFORMS, messages.bar_transforms(estimate, stamp), stamp)
         if report.truth is not None:
-            self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp))
+            self._add("/robot/truth", messages.POSES, messages.pose_array(report.truth, stamp), stamp)
 
     @property
     def note(self) -> str:
@@ -124,7 +130,7 @@ class RobotRecorder:
             raise FileError(f"{self.path}: {error.strerror}: give a folder with room in it") from None
         return index
 
-    def _add(self, topic: str, kind: str, data: bytes) -> None:
+    def _add(self, topic: str, kind: str, data: bytes, stamp_ns: int) -> None:
         if self.failed:
             return
         try:
@@ -132,8 +138,11 @@ class RobotRecorder:
                 if kind not in self._schemas:
                     text = ros.definition(kind).encode()
                     self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
-                self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+                about = LATCHED if topic == STATIC else {}
+                self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about)
             now = time.time_ns()
+            if self._newest_ns is not None:
+                now = self._newest_ns = max(self._newest_ns, stamp_ns)
             self._writer.add_message(self._channels[topic], now, data, now)
             if time.monotonic() >= self._flushed_s + FLUSH_S:
                 self._writer.flush()

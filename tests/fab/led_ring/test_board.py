@@ -85,6 +85,7 @@ def test_every_layer_says_the_same_to_another_reader(archive):
     with ZipFile(archive) as files:
         for name, area in layers.items():
             text = files.read(f"led_ring-{name}.gbr").decode()
+            assert "%ADD" in text, name  # without an aperture gerbv takes the file for RS-274D
             other, arc_mm = read_gerber(text)
             if name == "Edge_Cuts":
                 assert arc_mm == pytest.approx(area.length, rel=1e-4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.led_parts import led_part
 from cad.led_placement import led_azimuths_deg, placements
-from fab.led_ring.bom import ring_bom
+from fab.led_ring.bom import bom_csv, ring_bom
 from fab.led_ring.budget import (
     CAMERA_A,
     conduction_report,
@@ -256,6 +258,8 @@ def test_every_placed_part_is_in_table_bom_and_circuit():
     named = [name for line in lines for name in line.references.split()]
     assert sorted(named) == sorted(place.reference for place in placements())
     assert sum(line.quantity for line in lines) == len(named) + 1  # and the board
+    table = csv.DictReader(io.StringIO(bom_csv(lines)))  # as assembly houses read it: commas between references
+    assert [name for row in table for name in row["references"].split(",") if name] == named
     assert {place.kind for place in placements()} == set(PINS)
     assert led_part("r_set").value == pytest.approx(0.2 / 0.020)
 

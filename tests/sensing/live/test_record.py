@@ -21,6 +21,7 @@ from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.recorder import TOPICS, Recorder
 from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, verify
@@ -144,6 +145,7 @@ def test_an_independent_reader_opens_the_recording(recorded):
         assert topics == {f"/{endcap}/{t}": kind for endcap in ENDCAPS for t, kind in TOPICS.items()} | {
             "/diagnostics": ros.DIAGNOSTICS,
             "/notes": ros.STRING,
+            "/tf_static": TRANSFORMS,
         }
         seen = {}
         for _, channel, message, decoded in reader.iter_decoded_messages():
@@ -155,6 +157,13 @@ def test_an_independent_reader_opens_the_recording(recorded):
     assert image.format == "jpeg" and bytes(image.data[:2]) == b"\xff\xd8"
     stamp_s = image.header.stamp.sec + image.header.stamp.nanosec / 1e9
     assert abs(stamp_s - time.time()) < 600 and stamp_s == pytest.approx(message.log_time / 1e9)
+    whole = seen["/endcap_0/wrench/with_covariance"][-1][1]
+    assert whole.wrench.force.x == forces[-1] and (whole.valid, whole.state) == (True, "running")
+    spread = np.array(whole.covariance).reshape(6, 6)
+    assert np.array_equal(spread, spread.T) and (np.linalg.eigvalsh(spread) > 0).all()
+    placed = {each.child_frame_id: each.header.frame_id for each in seen["/tf_static"][-1][1].transforms}
+    assert placed == {f"{endcap}_camera": endcap for endcap in ENDCAPS}  # of image and reference; no robot is stated
+    assert image.header.frame_id in placed
     field = seen["/endcap_0/array/shear_vector"][0][1]
     assert [d.size for d in field.layout.dim] == [2, 16, 16] and len(field.data) == 512
     status = seen["/diagnostics"][-1][1].status
@@ -226,6 +235,7 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
 from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.run import LiveRun
 endcaps = [LiveEndcap(CameraFeed(endless(film([0, 0.5, 1.0]))), pipeline())]
 run = LiveRun(LiveConfig((EndcapConfig("endcap_0", "test"),)), endcaps)

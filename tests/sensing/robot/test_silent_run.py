@@ -87,13 +87,17 @@ def test_its_recording_gives_the_same_bits(run):
 
 def test_stamps_of_a_run_with_a_clock_of_its_own_are_wall_time(run):
     path, _ = run
-    topics = {}
+    topics, written_ns = {}, []
     for record in read_records(path):
+        if hasattr(record, "log_time") and hasattr(record, "channel_id"):
+            written_ns.append(record.log_time)
         if hasattr(record, "schema_id"):
             topics[record.id] = record.topic
         elif hasattr(record, "channel_id") and topics.get(record.channel_id) == "/imu/imu_red":
             stamp = ros.decode(messages.IMU, record.data).header.stamp
             assert stamp.sec - 10**9 in range(7)
+    assert written_ns == sorted(written_ns)  # readers play by these: at the run's own pace, in no time computed
+    assert 3 < (written_ns[-1] - written_ns[0]) / 1e9 < 7 and written_ns[0] - 10**18 in range(10**9)
     written, wall_ns = [], time.time_ns()
     topics = RobotTopics(ROBOT, 77, wall_ns)
     topics._write = lambda topic, cdr: written.append((topic, cdr))
@@ -101,6 +105,20 @@ def test_stamps_of_a_run_with_a_clock_of_its_own_are_wall_time(run):
     stamp = ros.decode(messages.POSES, dict(written)["robot/endcaps"]).header.stamp
     topics.close()
     assert stamp.sec * 10**9 + stamp.nanosec == wall_ns + round(run[1][0].time_s * 1e9)
+
+
+def test_its_recording_says_where_the_endcaps_are_on_their_bars_and_keeps_that_for_late_subscribers(run):
+    from rosbags.interfaces import QosDurability
+    from rosbags.rosbag2 import Reader
+
+    with Reader(run[0]) as reader:
+        (static,) = [each for each in reader.connections if each.topic == "/tf_static"]
+        ((_, _, data),) = reader.messages([static])
+        assert [qos.durability for qos in static.ext.offered_qos_profiles] == [QosDurability.TRANSIENT_LOCAL]
+    found = ros.decode(static.msgtype, data).transforms
+    assert [(each.header.frame_id, each.child_frame_id) for each in found] == [
+        (f"bar_{each.bar}", each.name) for each in ROBOT.endcaps
+    ]
 
 
 def test_what_no_sensor_measures_is_named_though_there_is_no_estimate(capsys):

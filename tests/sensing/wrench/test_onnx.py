@@ -53,6 +53,15 @@ def test_onnx_gives_the_models_numbers(model, storage, close):
     assert (np.linalg.eigvalsh(spread / sigma[:, :, None] / sigma[:, None]) > 0).all()
 
 
+def test_the_file_says_units_order_and_frame_of_what_goes_in_and_comes_out(model):
+    made = wrench_onnx.onnx_graph(model)
+    assert made.producer_name == "endcap-toolkit" and "neither the flags" in made.doc_string
+    said = {value.name: value.doc_string for value in (*made.graph.input, *made.graph.output)}
+    assert said["field"].startswith(f"u then v of {SIDE} x {SIDE} cells, row by row") and "px of the" in said["field"]
+    assert "(N m) of the world on the endcap" in said["wrench"] and "about the sphere's centre" in said["wrench"]
+    assert said["covariance"] == "of the wrench, in its order and units"
+
+
 def test_the_graph_names_the_method_whose_fields_it_takes(model):
     graph = wrench_onnx.onnx_graph(replace(model, method="farneback"))
     assert {each.key: each.value for each in graph.metadata_props}["method"] == "farneback"

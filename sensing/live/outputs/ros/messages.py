@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from sensing.camera.mount import MountedCamera
 
 CAMERA_INFO, TRANSFORMS = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"
+STATIC = "/tf_static"
+# Its channel in a recording: kept for subscribers that come later, as ``ros2 bag`` writes it; 9223372036.854775807 s is
+# for ever, in rosbag2's form.
+_EVER = "\n    sec: 9223372036\n    nsec: 854775807\n"
+LATCHED = {
+    "offered_qos_profiles": "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n"
+    f"  deadline:{_EVER}  lifespan:{_EVER}  liveliness: 1\n  liveliness_lease_duration:{_EVER}"
+    "  avoid_ros_namespace_conventions: false"
+}
 TRIGGER_REQUEST, TRIGGER_REPLY = "std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"
 _ASKER = "uint64 guid\nint64 seq\n"  # Cyclone's ROS layer puts the client's id before each request and reply
 CONTACT_UNKNOWN, CONTACT_FREE, CONTACT_TOUCHING = 0, 1, 2

@@ -33,10 +33,8 @@ from typing import Any
 import numpy as np
 
 from cad.errors import EndcapError, ParameterError
-from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
-from sensing.live.core.robot import unplaced
 from sensing.live.core.sink import QueuedSink, reason_of
 from sensing.live.core.state import WITHOUT_FRAMES
 from sensing.live.core.stats import EndcapHealth
@@ -45,12 +43,13 @@ from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
+from sensing.live.outputs.ros.frames import transforms_of
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.live.outputs.ros.zero_service import ZeroServices
 
 ROOM = 64
 BEAT_S = 0.5
-IMAGE_TOPIC, ROBOT = "image/compressed", "robot"
+IMAGE_TOPIC = "image/compressed"
 TOPICS: dict[str, str] = {  # below an endcap's name
     "wrench/wrench_pred": ros.WRENCH,
     "wrench/with_covariance": ros.ENDCAP_WRENCH,
@@ -163,10 +162,10 @@ class RosTopics(QueuedSink):
         pictured = reading.frame.jpeg is not None or reading.frame.image is not None  # not so of dots alone
         if self._looked_at[name] and pictured:
             picture, form = ros.picture_bytes(reading.frame)
-            yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, camera_frame(name))
+            yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, ros.camera_frame(name))
         camera = self._camera(reading)
         if camera is not None:
-            yield "camera_info", messages.camera_info(camera, stamp, camera_frame(name))
+            yield "camera_info", messages.camera_info(camera, stamp, ros.camera_frame(name))
 
     def _camera(self, reading: EndcapReading) -> Any:
         """The camera of a reading; a new reference may show another one, which moves its frame, too.
@@ -205,24 +204,6 @@ class RosTopics(QueuedSink):
                 self._writers[health.endcap]["valid"].write(dds.encoded(ros.BOOL, ros.boolean(False)))
         for endcap, writers in self._writers.items():
             self._looked_at[endcap] = bool(writers[IMAGE_TOPIC].get_matched_subscriptions())
-
-
-def camera_frame(endcap: str) -> str:
-    """Name of the frame that pictures and camera_info are in: x right, y down, z along the optical axis."""
-    return f"{endcap}_camera"
-
-
-def transforms_of(pipelines: Sequence[EndcapPipeline]) -> dict[str, tuple[str, Any]]:
-    """(parent, child to parent, mm) by child. An endcap whose place on the robot is not known has no parent."""
-    found: dict[str, tuple[str, Any]] = {}
-    shared = unplaced([pipeline.endcap for pipeline in pipelines])
-    for pipeline in pipelines:
-        endcap = pipeline.endcap
-        found[camera_frame(endcap.name)] = endcap.name, inverse(pipeline.camera(640, 480).T_camera_endcap)
-        default = np.array_equal(endcap.T_robot_endcap, np.eye(4))  # of one endcap among others it may be the place
-        if not default or (len(pipelines) > 1 and endcap.name not in shared):
-            found[endcap.name] = ROBOT, endcap.T_robot_endcap
-    return found
 
 
 def open_participant(domain: int | None = None) -> tuple[Any, Any]:

@@ -72,7 +72,7 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
         return release(state, endcap, layout)
     state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
     variance = np.full(3, settings.bit_sd_m**2)
-    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)))
+    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)), np.zeros(3))
     if not state.anchored[endcap] or since > LONGEST_GAP_S:
         return _begin(state, endcap, centre, variance, layout)
     at = layout.anchor(endcap)
@@ -257,7 +257,7 @@ def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: 
     state.consistency[1] += MEAN_WEIGHT * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, state.softness, layout.leader,
+        state.delay_s, state.creep, state.softness, layout.leader,
     )  # fmt: skip
 
 

@@ -23,11 +23,13 @@ class DomeCentre:
         lever_m: (3,) from the bar's reference point, bar axes, m.
         softens_m: (3,) derivative of the lever by the softness, m.
         late_s: (3, 3) derivative of the centre by the velocity of the bar, world axes, s.
+        delays_m_s: (3,) derivative of the centre by the delay, world axes, m/s.
     """
 
     lever_m: Array
     softens_m: Array
     late_s: Array
+    delays_m_s: Array
 
 
 def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, settings: Settings) -> DomeCentre:
@@ -36,6 +38,8 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     A dome of stiffness k and damping c has F = k d + c d', so d = (F - c d') / k: a dome that is being pressed has
     yielded less than F / k. Along the normal d' is the speed at which the bar's end approaches the ground.
     1 / k = (1 + b) times its compliance: the softness b is part of the state, so that its error is common to all domes.
+    So is the delay c / k: it also holds by how much the readings' stamps are late or early, because the force of
+    another moment differs by k d' for each second.
 
     Args:
         state: state with its velocities and the contact's normal.
@@ -47,10 +51,10 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     lever, yields = layout.endcap_lever[endcap], layout.compliance_m_n(endcap, settings) * contact.force_n
     arm = state.turn[bar] @ lever
     leaves = float((state.velocity[bar] + cross(world_rate(state, bar), arm)) @ normal)
-    delay_s = layout.yield_delay_s(endcap, settings)
+    delay_s = layout.yield_delay_s(endcap, settings) + float(state.delay_s[0])
     late = delay_s * leaves * (normal @ state.turn[bar])
     late_s = delay_s * np.outer(normal, normal)
-    return DomeCentre(lever + (1 + state.softness[0]) * yields + late, yields, late_s)
+    return DomeCentre(lever + (1 + state.softness[0]) * yields + late, yields, late_s, leaves * normal)
 
 
 def unloaded(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
@@ -71,6 +75,7 @@ def unloaded(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> t
     # not of the anchor, so that a rotation about the vertical changes nothing, noise included
     slopes[:, layout.turn(layout.leader)] -= minus_cross(point)
     slopes[:, layout.velocity(bar)] += centre.late_s
+    slopes[:, layout.delay] = centre.delays_m_s
     normal = state.normal[endcap]
     slopes[:, layout.softness] = normal * float(normal @ (state.turn[bar] @ centre.softens_m))
     return point, slopes

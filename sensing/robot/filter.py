@@ -16,7 +16,7 @@ from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import SILENT_S, hold, unmeasured, watch
+from sensing.robot.silence import SILENT_S, hold, lead, leading, unmeasured, watch
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -38,6 +38,7 @@ class Filter:
 
     def __init__(self, layout: Layout, settings: Settings) -> None:
         self.layout, self.settings = layout, settings
+        self._led = {bar: layout.led_by(bar) for bar in layout.leaders}
         self._bar_of = {name: bar for bar, name in enumerate(layout.sensor_of_bar) if name}
         self._endcap_of = {endcap.name: number for number, endcap in enumerate(layout.robot.endcaps)}
         self._walk = np.tile([settings.rate_bias_walk**2, settings.force_bias_walk**2], (layout.bars, 1))
@@ -53,7 +54,9 @@ class Filter:
             time_s: time, s, not before that of the state.
             samples: inertial samples first, then lengths, then endcaps.
         """
-        if state.held_s or unmeasured(state, time_s, self.layout):
+        lead(state, leading(state, time_s, self.layout), self.layout)
+        layout = self.led(state)
+        if state.held_s or unmeasured(state, time_s, layout):
             return self._hold(state, time_s, samples)
         if time_s - state.time_s > SILENT_S:  # one sample must not cover so long a silence
             self.predict(state, time_s - LONGEST_STEP_S, [])
@@ -62,14 +65,22 @@ class Filter:
             if isinstance(sample, LengthSample):
                 self.lengths(state, sample)
             elif isinstance(sample, FootSample):
-                contacts.take(state, self._endcap_of[sample.endcap], sample, self.layout, self.settings)
+                contacts.take(state, self._endcap_of[sample.endcap], sample, layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
 
+    def led(self, state: State) -> Layout:
+        """The layout with the leading bar of a state.
+
+        Args:
+            state: state of the filter.
+        """
+        return self._led[state.leader]
+
     def measures(self, samples: Sequence[AnySample]) -> bool:
-        """Whether the leading bar's inertial sensor is among the samples."""
-        name = self.layout.sensor_of_bar[self.layout.leader]
-        return any(isinstance(sample, InertialSample) and sample.sensor == name for sample in samples)
+        """Whether the inertial sensor of a bar that may lead is among the samples."""
+        names = [self.layout.sensor_of_bar[bar] for bar in self.layout.leaders]
+        return any(isinstance(sample, InertialSample) and sample.sensor in names for sample in samples)
 
     def _hold(self, state: State, time_s: float, samples: list[AnySample]) -> None:
         hold(state, time_s, self.layout)
@@ -122,7 +133,7 @@ class Filter:
         state.covariance[at, at] = self.settings.rate_bias_sd**2 * np.eye(3)
 
     def _move(self, state: State, time_s: float, rate: Array, force: Array, heard: np.ndarray) -> None:
-        layout, leader = self.layout, self.layout.leader
+        layout, leader = self.led(state), state.leader
         unknown = ~np.isfinite(state.rate_s)  # without gyroscope, minus its "bias" is the angular velocity
         rate[~heard[0] & ~unknown] = 0.0
         watch(state, time_s - state.time_s, ~heard[0] & ~unknown)
@@ -130,7 +141,7 @@ class Filter:
         if state.began_moving:  # a bar may be turned by 180 degrees then, and its acceleration with it
             own &= np.arange(layout.bars) == leader
         has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
-        noise = self._noise(rate, force[leader], has_force, heard[0], unknown)
+        noise = self._noise(rate, force[leader], has_force, heard[0], unknown, leader)
         walk, fade = self._walks(rate[heard[0]], unknown)
         step = time_s - state.time_s
         state.rate_bias *= np.exp(-step * fade)[:, None]
@@ -151,11 +162,13 @@ class Filter:
         state.covariance[:, at] *= keep
         state.covariance[at, at] += (1 - keep**2) * self.settings.softness_sd**2
 
-    def _noise(self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray, unknown: np.ndarray) -> Array:
+    def _noise(
+        self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray, unknown: np.ndarray, leader: int
+    ) -> Array:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
         noise[:, 0] = np.where(heard | unknown, settings.rate_noise, self._unknown_rate(rate[heard])) ** 2
-        noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
+        noise[:, 0] += np.where(np.arange(len(noise)) == leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
             return noise
@@ -163,8 +176,8 @@ class Filter:
         relative = settings.relative_noise + settings.relative_share * accelerates
         noise[:, 1] = np.where(has_force == 1, settings.force_noise, relative) ** 2
         noise[:, 2] = np.where(has_force == 2, settings.force_noise**2, 0.0)
-        if has_force[self.layout.leader] == 1:
-            noise[self.layout.leader, 1:] = 0.0, settings.force_noise**2
+        if has_force[leader] == 1:
+            noise[leader, 1:] = 0.0, settings.force_noise**2
         return noise
 
     def _walks(self, rate: Array, unknown: np.ndarray) -> tuple[Array, Array]:
@@ -197,7 +210,7 @@ class Filter:
             state: state at the sample's time; it is changed.
             sample: lengths of all measured cables.
         """
-        layout = self.layout
+        layout = self.led(state)
         length, slopes = length_slopes(
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
@@ -220,7 +233,7 @@ class Filter:
     def _loosen(self, state: State) -> None:
         """Increase the covariance of the shape where the lengths no longer fit it."""
         for bar in range(self.layout.bars):
-            if bar != self.layout.leader:
+            if bar != state.leader:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
@@ -241,7 +254,7 @@ def apply(state: State, change: Array, leader: int) -> None:
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, state.softness, leader,
+        state.delay_s, state.creep, state.softness, leader,
     )  # fmt: skip
 
 

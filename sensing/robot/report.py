@@ -53,6 +53,7 @@ def report_of(
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
+        float(state.delay_s[0]), float(np.sqrt(state.covariance[layout.delay, layout.delay])),
         _health(state, ignored, impossible, layout, settings),
     )  # fmt: skip
 

@@ -165,6 +165,16 @@ def goes_on(gathered: Gathered) -> bool:
     return bool((turns | (gathered.squares > ROCKS_RAD_S**2 * count)).any())
 
 
+def first_leader(gathered: Gathered, layout: Layout) -> int:
+    """Number of the bar that leads at first: the first of those that may lead whose accelerometer has reported.
+
+    Args:
+        gathered: sums while the robot stood.
+        layout: indices of the robot.
+    """
+    return next((bar for bar in layout.leaders if gathered.counts[bar, 1] > 0), layout.leader)
+
+
 def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, stands: bool = True) -> None:
     """Set the first state.
 
@@ -252,6 +262,7 @@ def _set_covariance(
         slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += minus_cross(arm)
         slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
+    state.covariance[layout.delay, layout.delay] = settings.delay_sd_s**2
     state.covariance[layout.creep, layout.creep] = settings.creep_sd**2
     state.covariance[layout.softness, layout.softness] = settings.softness_sd**2
     for bar in range(bars):

@@ -33,6 +33,7 @@ class State:
         creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
         softness: (1,) relative excess of the domes' yield over ``Settings.compliance_m_n``, or part by which forces are
             measured too small.
+        delay_s: (1,) excess of all domes' delay of the yield behind the force over ``Settings.yield_delay_s``, s.
         rate, force: (B, 3) last samples, bar axes, rad/s and m/s^2.
         rate_s, force_s: (B,) their times, s.
         rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
@@ -55,6 +56,7 @@ class State:
         began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
         unseen_s: time for which several gyroscopes were silent at once, s.
+        leader: number of the leading bar, to whose rotation the errors of positions refer.
     """
 
     time_s: float
@@ -71,6 +73,7 @@ class State:
     slips: Array
     creep: Array
     softness: Array
+    delay_s: Array
     rate: Array
     force: Array
     rate_s: Array
@@ -96,6 +99,7 @@ class State:
     began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
+    leader: int = 0
 
     def copy(self) -> Self:
         """An independent copy."""
@@ -119,12 +123,13 @@ def empty_state(layout: Layout, time_s: float) -> State:
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
+        delay_s=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
         rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
         lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
-        known=[None] * endcaps,
+        known=[None] * endcaps, leader=layout.leader,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from sensing.robot.kernels import predict_step
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct, length_slopes, point_slopes, update_step
 from sensing.robot.settings import Settings
+from sensing.robot.silence import lead
 from sensing.robot.state import empty_state
 from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.tensegrity.robot_file import load_robot
@@ -39,6 +40,7 @@ class Moving:
         self.anchor, normal = rng.normal(0, 1.0, (6, 3)), rng.normal(0, 0.3, (6, 3)) + UP
         self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
         self.creep, self.softness = rng.normal(0, 0.01, (2, 1))
+        self.delay_s = rng.normal(0, 0.005, 1)
         self.anchored = np.array([1, 0, 1, 0, 1, 0])
 
     def parts(self):
@@ -50,6 +52,7 @@ class Moving:
             self.force_bias,
             self.anchor,
             self.normal,
+            self.delay_s,
             self.creep,
             self.softness,
         )
@@ -76,9 +79,9 @@ class Moving:
         )  # fmt: skip
         return other
 
-    def less(self, other: Moving):
-        """(N,) error state that takes the other to this one."""
-        change, leader = np.zeros(LAYOUT.size), LAYOUT.leader
+    def less(self, other: Moving, leader: int = LAYOUT.leader):
+        """(N,) error state that takes the other to this one, where a bar leads."""
+        change = np.zeros(LAYOUT.size)
         for bar in range(3):
             turned = self.turn[bar] @ other.turn[bar].T
             change[LAYOUT.turn(bar)] = 0.5 * (turned - turned.T)[[2, 0, 1], [1, 2, 0]]
@@ -90,6 +93,7 @@ class Moving:
             change[LAYOUT.force_bias(bar)] = self.force_bias[bar] - other.force_bias[bar]
         for endcap in range(6):
             change[LAYOUT.anchor(endcap)] = self.anchor[endcap] - whole @ other.anchor[endcap]
+        change[LAYOUT.delay] = self.delay_s[0] - other.delay_s[0]
         change[LAYOUT.creep] = self.creep[0] - other.creep[0]
         change[LAYOUT.softness] = self.softness[0] - other.softness[0]
         return change
@@ -130,6 +134,23 @@ def test_the_noise_of_a_rate_turns_its_bar_and_rolls_its_anchors(bar):
     assert np.abs(spread - expected).max() < 0.01 * expected.max()
     rolled = [spread[LAYOUT.anchor(e), LAYOUT.turn(bar)] for e in range(6) if LAYOUT.endcap_bar[e] == bar]
     assert all(np.abs(each).max() > 0.03 * step_s for each in rolled)  # about a radius of 0.065 m
+
+
+@pytest.mark.parametrize("leader", [1, 2])
+def test_errors_refer_to_the_bar_that_leads(leader):
+    """The same small error, of the state with one leading bar and with another one."""
+    here, small = Moving(3), 1e-5 * np.random.default_rng(5).normal(size=LAYOUT.size)
+    for endcap in (1, 3, 5):
+        small[LAYOUT.anchor(endcap)] = 0.0
+    true, state = here.corrected(small), empty_state(LAYOUT, 0.0)
+    state.place, state.velocity, state.anchor, state.anchored = here.place, here.velocity, here.anchor, here.anchored
+    state.covariance = np.outer(small, small)
+    lead(state, leader, LAYOUT)
+    wanted = true.less(here, leader)
+    for endcap in (1, 3, 5):  # without an anchor
+        wanted[LAYOUT.anchor(endcap)] = 0.0
+    assert state.leader == leader and np.abs(wanted - small).max() > 1e-5
+    assert np.abs(state.covariance - np.outer(wanted, wanted)).max() < 1e-3 * np.outer(wanted, wanted).max()
 
 
 def test_points_and_lengths_have_the_slopes_of_finite_differences():
@@ -261,6 +282,21 @@ def test_the_unloaded_dome_moves_with_its_bars_velocity_as_finite_differences_do
             slopes = slope[:, LAYOUT.velocity(0)][:, axis]
         assert (places[1] - places[0]) / (2 * size) == pytest.approx(slopes, abs=1e-9)
         assert np.linalg.norm(slopes) == pytest.approx(0.02 * [0.6, 0.0, 0.8][axis])
+
+
+def test_the_unloaded_dome_moves_with_the_delay_as_finite_differences_do():
+    settings, size, places = Settings(), 1e-4, []
+    turn = LAYOUT.endcap_turn[0]
+    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
+    contact = contact_of(sample, 0, LAYOUT, settings)
+    state = empty_state(LAYOUT, 0.0)
+    state.turn[:], state.normal[0], state.velocity[0] = Moving(2).turn, [0.6, 0.0, 0.8], [0.3, -0.1, -0.4]
+    for delay_s in (0.002 - size, 0.002, 0.002 + size):
+        state.delay_s[0] = delay_s
+        place, slopes = unloaded(state, 0, dome_centre(state, 0, contact, LAYOUT, settings), LAYOUT)
+        places.append(place)
+    assert (places[2] - places[0]) / (2 * size) == pytest.approx(slopes[:, LAYOUT.delay], abs=1e-9)
+    assert np.linalg.norm(slopes[:, LAYOUT.delay]) > 0.1
 
 
 def test_the_unloaded_dome_moves_with_its_softness_as_finite_differences_do():

@@ -55,6 +55,17 @@ def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloade
     assert abs(found.softness - true) < 3 * found.softness_sd
 
 
+@pytest.mark.parametrize("assumed_s", others_long([0.02, 0.0]))
+def test_the_delay_between_force_and_yield_is_learned_from_contacts_that_are_pressed(assumed_s):
+    """The simulated domes have 10 ms; forces are means over the 5 ms that end at their stamp, 2.5 ms late of them."""
+    walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)
+    estimator = RobotEstimator(ROBOT, Settings(yield_delay_s=assumed_s))
+    feed(estimator, [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=1)])
+    found = estimator.state()
+    assert found.delay_sd_s < 0.3 * Settings().delay_sd_s
+    assert abs(assumed_s + found.delay_s - 0.0075) < 0.004
+
+
 @pytest.mark.long
 def test_a_bar_without_gyroscope_is_followed_through_a_walk():
     """Its angular velocity is learned from cables and contacts: with a zero instead, its anchors would not roll."""

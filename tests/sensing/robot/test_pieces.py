@@ -146,7 +146,7 @@ def test_a_correction_of_the_leaders_turn_turns_the_normals_with_it():
     state.normal[:] = np.array([0.6, 0.0, 0.8])
     change[LAYOUT.turn(LAYOUT.leader)] = vector
     parts = (state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal)
-    correct(change, *parts, state.creep, state.softness, LAYOUT.leader)
+    correct(change, *parts, state.delay_s, state.creep, state.softness, LAYOUT.leader)
     assert state.normal == pytest.approx(np.tile(rotation_of(vector) @ [0.6, 0.0, 0.8], (LAYOUT.endcaps, 1)))
 
 

@@ -177,6 +177,7 @@ class RobotEstimator:
             if isinstance(sample, FootSample):
                 number = self._number[sample.endcap]
                 gathered.contacts[number] = contact_of(sample, number, self._layout, self.settings)
+                gathered.reading_s[number] = time_s
             elif not isinstance(sample, KnownContact):
                 bar = self._bar_of[sample.sensor] if isinstance(sample, InertialSample) else -1
                 gather(gathered, time_s, bar, sample, self._layout, self.settings)

@@ -17,7 +17,7 @@ from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
 from sensing.robot.silence import SILENT_S, hold, lead, leading, unmeasured, watch
-from sensing.robot.state import State
+from sensing.robot.state import MEAN_WEIGHT, State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -226,7 +226,7 @@ class Filter:
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
-            state.consistency[0] += contacts.MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
+            state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
         apply(state, change, layout.leader)
 

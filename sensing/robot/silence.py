@@ -1,9 +1,9 @@
 """The estimate while inertial sensors send nothing.
 
-Where the leading bar's one is silent, another bar with an accelerometer leads. Without any, lengths and contacts alone do not determine the rotation about the vertical, the bars' rotations about themselves and,
-at the prism, one motion of the shape: a filter on them alone diverges within minutes. So the pose is held, its
-covariance grows like the motion of an unobserved robot, and when samples come again the robot has to stand a while, as
-at the start.
+Where the leading bar's one is silent, another bar with an accelerometer leads. Where all are, lengths and contacts
+alone do not determine the rotation about the vertical, the bars' rotations about themselves and, at the prism, one
+motion of the shape: a filter on them alone diverges within minutes. So the pose is held, its covariance grows like the
+motion of an unobserved robot, and when samples come again the robot has to stand a while, as at the start.
 """
 
 from __future__ import annotations

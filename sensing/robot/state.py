@@ -14,6 +14,8 @@ from sensing.robot.layout import Layout
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import Array
 
+MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
+
 
 @dataclass
 class State:
@@ -30,7 +32,7 @@ class State:
         normal_variance: (E,) variances of the normals, rad^2.
         anchored: (E,) whether the endcap has an anchor.
         slips: (E,) probabilities of slip.
-        creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
+        creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.slide.move_by_creep`).
         softness: (1,) relative excess of the domes' yield over ``Settings.compliance_m_n``, or part by which forces are
             measured too small.
         delay_s: (1,) excess of all domes' delay of the yield behind the force over ``Settings.yield_delay_s``, s.
@@ -41,6 +43,9 @@ class State:
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
         lengths_s: time of the last lengths, s.
+        load_n: (E, 3) normal force by which the softness is learned, world, N; NaN before the first
+            (:func:`sensing.robot.dome.count_load`).
+        jumped: (E,) whether the last reading was left out because it jumped (:mod:`sensing.robot.jump`).
         astray_s: (E,) time since which a touching endcap reports wrenches of no contact on its dome, s; NaN for none.
         contacts: last contact of each endcap.
         friction: (59,) probabilities of the coefficients.
@@ -84,6 +89,8 @@ class State:
     contact_s: Array
     reading_s: Array
     astray_s: Array
+    load_n: Array
+    jumped: np.ndarray
     lengths_s: float
     contacts: list[Contact | None]
     friction: Array
@@ -127,7 +134,7 @@ def empty_state(layout: Layout, time_s: float) -> State:
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
         rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
-        lengths_s=never,
+        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps, leader=layout.leader,
     )  # fmt: skip

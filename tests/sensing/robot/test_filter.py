@@ -8,7 +8,6 @@ from standing_robot import UP
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contact_kernels import line_of_action_slopes
-from sensing.robot.contacts import move_by_creep
 from sensing.robot.dome import dome_centre, unloaded
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
 from sensing.robot.kernels import predict_step
@@ -16,6 +15,7 @@ from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct, length_slopes, point_slopes, update_step
 from sensing.robot.settings import Settings
 from sensing.robot.silence import lead
+from sensing.robot.slide import move_by_creep
 from sensing.robot.state import empty_state
 from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.tensegrity.robot_file import load_robot

@@ -25,6 +25,7 @@ LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
+CHANGES_S = 0.1  # E: time over which the changes of the rates are averaged
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 
 
@@ -112,6 +113,7 @@ class Filter:
                 self._first_rate(state, bar)
             new = turn @ sample.rate_rad_s
             state.rate_over_s[bar] = time_s - state.rate_s[bar]
+            _follow_change(state, bar, new)
             rate[bar] = _over_step(new, state.rate_used[bar], state.rate_over_s[bar], step)
             state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
             state.rate_used[bar] = -rate[bar] * step
@@ -237,6 +239,13 @@ class Filter:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
+
+
+def _follow_change(state: State, bar: int, rate: Array) -> None:
+    """Update the mean square of the change between a bar's rates by a new one, bar axes; not after a silence."""
+    if state.rate_over_s[bar] <= SILENT_S:
+        change, keep = rate - state.rate[bar], float(np.exp(-state.rate_over_s[bar] / CHANGES_S))
+        state.rate_change[bar] += (1 - keep) * (float(change @ change) / 3 - state.rate_change[bar])
 
 
 def _root_mean_square(rate: Array) -> float:

@@ -39,6 +39,7 @@ class State:
         rate, force: (B, 3) last samples, bar axes, rad/s and m/s^2.
         rate_s, force_s: (B,) their times, s.
         rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
+        rate_change: (B,) fading mean square of the change from one rate to the next, an axis, rad^2/s^2.
         rate_used, force_used: (B, 3) integrals of the used values since the last samples.
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
@@ -84,6 +85,7 @@ class State:
     rate_s: Array
     force_s: Array
     rate_over_s: Array
+    rate_change: Array
     rate_used: Array
     force_used: Array
     contact_s: Array
@@ -132,7 +134,7 @@ def empty_state(layout: Layout, time_s: float) -> State:
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
         delay_s=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
-        rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
+        rate_over_s=np.full(bars, np.inf), rate_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
         load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,

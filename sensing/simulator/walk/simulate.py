@@ -24,8 +24,8 @@ from sensing.tensegrity.shape import balanced_shape, rotation_of
 RELEASED = (130.0, 8.0)  # D and T of the endcaps of the robot that ships, mm
 SAMPLE_S = 0.005  # interval of the samples of the truth
 SETTLE_S = 5.0  # simulated time before the run, which is not recorded
-# rad/s of a bar about its axis, which cables tied on it do not brake, above which its spin is braked at the start; s for
-# which it is braked, and E: time constant. The knots of real cables do it, and a robot has to stand as a run begins.
+# Rate of a bar about its axis above which it is braked before a run, rad/s; for how long, s; E: time constant, s.
+# Nothing else brakes it where cables are tied on the axis; knots of real cables do, and a run begins at rest.
 SPINS_RAD_S, BRAKE_S, BRAKED_IN_S = 0.3, 3.0, 0.1
 CABLE_DAMPING_NS_M = 40.0  # damping of a cable
 GAIT_STEPS = 20  # time steps of the simulation between two of the gait

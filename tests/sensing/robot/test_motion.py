@@ -132,4 +132,4 @@ def test_turns_and_rates_between_samples_are_as_sure_as_they_say(ahead_s):
     wanted = np.mean(np.square(turned[100:])), np.mean(np.square(rates[100:]))
     found = np.mean(stated[100:], axis=0)
     assert found[1] == pytest.approx(wanted[1], rel=0.15)
-    assert found[0] == pytest.approx(wanted[0], rel=0.15, abs=1e-12)
+    assert found[0] == pytest.approx(wanted[0], rel=0.15, abs=1e-9)  # the noise of one sample

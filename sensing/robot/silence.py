@@ -70,7 +70,7 @@ def lead(state: State, leader: int, layout: Layout) -> None:
     whole, before, after = np.eye(layout.size), layout.turn(state.leader), layout.turn(leader)
     points = [(layout.place(bar), state.place[bar]) for bar in range(layout.bars)]
     points += [(layout.velocity(bar), state.velocity[bar]) for bar in range(layout.bars)]
-    points += [(layout.anchor(endcap), state.anchor[endcap]) for endcap in np.flatnonzero(state.anchored)]
+    points += [(layout.anchor(int(endcap)), state.anchor[endcap]) for endcap in np.flatnonzero(state.anchored)]
     for at, point in points:
         whole[at, before] += minus_cross(point)
         whole[at, after] -= minus_cross(point)

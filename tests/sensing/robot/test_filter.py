@@ -284,21 +284,6 @@ def test_the_unloaded_dome_moves_with_its_bars_velocity_as_finite_differences_do
         assert np.linalg.norm(slopes) == pytest.approx(0.02 * [0.6, 0.0, 0.8][axis])
 
 
-def test_the_unloaded_dome_moves_with_the_delay_as_finite_differences_do():
-    settings, size, places = Settings(), 1e-4, []
-    turn = LAYOUT.endcap_turn[0]
-    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
-    contact = contact_of(sample, 0, LAYOUT, settings)
-    state = empty_state(LAYOUT, 0.0)
-    state.turn[:], state.normal[0], state.velocity[0] = Moving(2).turn, [0.6, 0.0, 0.8], [0.3, -0.1, -0.4]
-    for delay_s in (0.002 - size, 0.002, 0.002 + size):
-        state.delay_s[0] = delay_s
-        place, slopes = unloaded(state, 0, dome_centre(state, 0, contact, LAYOUT, settings), LAYOUT)
-        places.append(place)
-    assert (places[2] - places[0]) / (2 * size) == pytest.approx(slopes[:, LAYOUT.delay], abs=1e-9)
-    assert np.linalg.norm(slopes[:, LAYOUT.delay]) > 0.1
-
-
 def test_the_unloaded_dome_moves_with_its_softness_as_finite_differences_do():
     settings, size = Settings(), 1e-3
     turn = LAYOUT.endcap_turn[0]

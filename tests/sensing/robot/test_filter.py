@@ -140,15 +140,13 @@ def test_the_noise_of_a_rate_turns_its_bar_and_rolls_its_anchors(bar):
 def test_errors_refer_to_the_bar_that_leads(leader):
     """The same small error, of the state with one leading bar and with another one."""
     here, small = Moving(3), 1e-5 * np.random.default_rng(5).normal(size=LAYOUT.size)
-    for endcap in (1, 3, 5):
-        small[LAYOUT.anchor(endcap)] = 0.0
+    small[np.r_[LAYOUT.anchor(1), LAYOUT.anchor(3), LAYOUT.anchor(5)]] = 0.0
     true, state = here.corrected(small), empty_state(LAYOUT, 0.0)
     state.place, state.velocity, state.anchor, state.anchored = here.place, here.velocity, here.anchor, here.anchored
     state.covariance = np.outer(small, small)
     lead(state, leader, LAYOUT)
     wanted = true.less(here, leader)
-    for endcap in (1, 3, 5):  # without an anchor
-        wanted[LAYOUT.anchor(endcap)] = 0.0
+    wanted[np.r_[LAYOUT.anchor(1), LAYOUT.anchor(3), LAYOUT.anchor(5)]] = 0.0  # without an anchor
     assert state.leader == leader and np.abs(wanted - small).max() > 1e-5
     assert np.abs(state.covariance - np.outer(wanted, wanted)).max() < 1e-3 * np.outer(wanted, wanted).max()
 

@@ -19,6 +19,7 @@ from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import minus_cross
 
 SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used
+SLOWEST_S = 0.3  # E: longest time for which a slow sensor leads without a sample
 HELD_AFTER_S = 1.0  # duration of a silence after which the pose is held
 GONE_S = 3.0  # E: after it a silent gyroscope is not waited for
 UNSEEN_S = 0.1  # largest time in which several gyroscopes may be silent at once
@@ -48,7 +49,8 @@ def leading(state: State, time_s: float, layout: Layout) -> int:
         time_s: time, s, not before the state's.
         layout: indices of the robot.
     """
-    silent = time_s - np.minimum(state.rate_s, state.force_s) > SILENT_S
+    usual_s = np.clip(2 * state.rate_over_s, SILENT_S, SLOWEST_S)  # a slow sensor is not silent between its samples
+    silent = time_s - np.minimum(state.rate_s, state.force_s) > usual_s
     if silent[state.leader] and not state.began_moving:
         return next((bar for bar in layout.leaders if not silent[bar]), state.leader)
     return state.leader

@@ -74,6 +74,22 @@ def test_another_bar_with_an_accelerometer_leads_while_the_leading_ones_sensor_i
     assert np.linalg.norm(after.centre_of_mass_m - before.centre_of_mass_m) < 0.01
 
 
+def test_a_slow_sensor_leads_between_its_samples_too():
+    """Sensors of 15 Hz whose samples come one after another: the lead went round 572 times in 20 s."""
+    robot = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=True) for sensor in ROBOT.sensors))
+    order, late = [sensor.name for sensor in robot.sensors], 0.02
+    samples = [
+        replace(x, time_s=x.time_s + late * order.index(x.sensor)) if isinstance(x, InertialSample) else x
+        for x in standing_samples(robot, 5.0, rate_hz=15.0, every=1)[1]
+    ]
+    estimator, leaders = RobotEstimator(robot), set()
+    for sample in sorted(samples, key=lambda x: x.time_s):
+        feed(estimator, [sample])
+        state = estimator._history.at(estimator.newest_s).state
+        leaders |= set() if state is None else {state.leader}
+    assert leaders == {0}
+
+
 def test_after_a_silence_it_stands_a_while_and_begins_anew():
     _, samples = standing_samples(ROBOT, 7.0, rate_hz=100.0)
     found = asked([x for x in samples if not (isinstance(x, InertialSample) and 2.0 < x.time_s < 4.0)])

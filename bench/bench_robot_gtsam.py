@@ -161,7 +161,7 @@ def estimate_of(found: Any, walk: Walk, robot: TensegrityRobot, sensor: Inertial
     )
     time_s, nan = float(walk.time_s[row]), float("nan")
     return RobotEstimate(
-        time_s, time_s, bars, (), none, unknown[:3, :3], nan, nan, nan, nan, Health(nan, nan, nan, 0, 0, ()),
+        time_s, time_s, bars, (), none, unknown[:3, :3], nan, nan, nan, nan, nan, nan, Health(nan, nan, nan, 0, 0, ()),
     )  # fmt: skip
 
 

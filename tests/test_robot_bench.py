@@ -48,7 +48,19 @@ def estimates(walk, move=None, off=None) -> list[RobotEstimate]:
             bars.append(BarEstimate(bar.name, seen, np.zeros(3), np.zeros(3), np.diag([1e-4] * 9), np.eye(3)))
         found.append(
             RobotEstimate(
-                float(walk.time_s[row]), 0.0, tuple(bars), (), np.zeros(3), np.eye(3), 0.5, 0.1, 0.0, 0.1, HEALTH
+                float(walk.time_s[row]),
+                0.0,
+                tuple(bars),
+                (),
+                np.zeros(3),
+                np.eye(3),
+                0.5,
+                0.1,
+                0.0,
+                0.1,
+                0.0,
+                0.005,
+                HEALTH,
             )
         )
     return found

@@ -7,12 +7,14 @@ import math
 import numpy as np
 
 from sensing.robot.contact import Contact, contact_of
-from sensing.robot.dome import DomeCentre, dome_centre, unloaded
-from sensing.robot.friction import learned, moments, slip_probability
+from sensing.robot.dome import DomeCentre, count_load, difference, dome_centre, unloaded
+from sensing.robot.friction import learned, slip_probability
+from sensing.robot.jump import jumps
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, update_step
 from sensing.robot.settings import Contacts, Settings
-from sensing.robot.state import State, world_rate
+from sensing.robot.slide import friction_axis, move_by_creep, slide
+from sensing.robot.state import MEAN_WEIGHT, State, world_rate
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample
 from sensing.tensegrity.vectors import cross
@@ -21,8 +23,6 @@ LONGEST_GAP_S = 0.15  # largest time between readings of one contact; after a lo
 STAYS, STARTS = 0.7, 0.02  # E: probabilities that a slip continues, and that one starts at an unremarkable ratio
 LEAST, MOST = 1e-3, 0.999  # limits of the probability of slip
 STILL_M_S2 = 0.5  # acceleration below which the forces balance the weight
-MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
-FASTEST_M_S, LEAST_SPIN_M = 0.3, 5e-4  # E: largest mean speed of a slip; torque over normal force that is only noise
 UP = np.array([0.0, 0.0, 1.0])  # vertical of the world
 
 
@@ -48,8 +48,8 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
     if settings.contacts in (Contacts.BIT_FIXED, Contacts.BIT_ROLLING):
         _take_bit(state, endcap, contact, since, layout, settings)
     elif contact.known and contact.touching:
-        state.contact_s[endcap] = state.time_s
-        _take_wrench(state, endcap, contact, since, layout, settings)
+        if _take_wrench(state, endcap, contact, since, layout, settings):
+            state.contact_s[endcap] = state.time_s
     elif contact.touching is False or np.isfinite(contact.push_n) or since > LONGEST_GAP_S:
         release(state, endcap, layout)
 
@@ -72,7 +72,7 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
         return release(state, endcap, layout)
     state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
     variance = np.full(3, settings.bit_sd_m**2)
-    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)))
+    centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)), np.zeros(3))
     if not state.anchored[endcap] or since > LONGEST_GAP_S:
         return _begin(state, endcap, centre, variance, layout)
     at = layout.anchor(endcap)
@@ -80,10 +80,12 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
     _hold(state, endcap, centre, np.eye(3), variance, layout)
 
 
-def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layout: Layout, settings: Settings) -> None:
+def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layout: Layout, settings: Settings) -> bool:
+    """Update the state by a contact; False, with normal and load as before, for a reading that jumped."""
     bar = int(layout.endcap_bar[endcap])
     fresh = not state.anchored[endcap] or since > LONGEST_GAP_S
     known = state.known[endcap] if settings.contacts is Contacts.KNOWN else None
+    before = state.normal[endcap].copy(), state.normal_variance[endcap], state.load_n[endcap].copy()
     if known is None:
         _learn_normal(state, endcap, contact, fresh, since, bar, settings)
     else:
@@ -91,30 +93,61 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
             -state.turn[bar] @ _bar_normal(known.normal, endcap, layout),
             1e-6,
         )
+    count_load(state, endcap, contact, fresh, layout)
     centre = dome_centre(state, endcap, contact, layout, settings)
     axes = axes_about(state.normal[endcap])
     stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
     variance = stays * _variance_of_place(axes @ state.turn[bar], endcap, contact, centre, layout, settings)
+    if not fresh:
+        _loosen(state, endcap, bar, since, stays, layout, settings)
+        if jumps(state, endcap, centre, float(variance[0]) / stays, stays, layout):
+            if state.jumped[endcap]:  # no spike: it stands elsewhere
+                release(state, endcap, layout)
+                return _take_wrench(state, endcap, contact, since, layout, settings)
+            state.normal[endcap], state.normal_variance[endcap], state.load_n[endcap] = before
+            state.jumped[endcap] = True
+            return False
+    state.jumped[endcap] = False
     if fresh:
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
-        return _begin(state, endcap, centre, variance, layout)
+        _begin(state, endcap, centre, variance, layout)
+    else:
+        _slide_and_hold(state, endcap, contact, centre, variance, since, stays, layout, settings)
+    return True
+
+
+def _loosen(
+    state: State, endcap: int, bar: int, since: float, stays: float, layout: Layout, settings: Settings
+) -> None:
+    """Increase an anchor's covariance by the errors of rolling since the last reading."""
     rate, reach = world_rate(state, bar), float(layout.radius_m[endcap]) * since
     rolled = reach * np.linalg.norm(cross(rate, state.normal[endcap]))
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
     walk = settings.anchor_walk**2 * since + stays * (settings.roll_share * rolled) ** 2
     lift = walk + stays * state.normal_variance[endcap] * rolled**2
     state.covariance[at, at] += walk * (np.eye(3) - across) + lift * across
+
+
+def _slide_and_hold(
+    state: State, endcap: int, contact: Contact, centre: DomeCentre, variance: Array, since: float, stays: float,
+    layout: Layout, settings: Settings,
+) -> None:  # fmt: skip
+    """Move an anchor by its slip and creep, and update the state by its place."""
+    bar, axes = int(layout.endcap_bar[endcap]), axes_about(state.normal[endcap])
+    at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
+    known = state.known[endcap] if settings.contacts is Contacts.KNOWN else None
     if known is None:
         slips = _slips(state, endcap, contact, centre, axes, variance / stays, since, layout, settings)
         state.friction = learned(state.friction, contact.use, contact.use_sd, slips)
     else:
         slips = 0.0 if known.holds else 1.0
     state.slips[endcap] = slips
-    mean, spread = _slide(state, endcap, bar, contact, settings)
+    mean, spread = slide(state, endcap, bar, contact, settings)
     state.anchor[endcap] += slips * since * mean
     if known is None:
-        turned_m = reach * math.sqrt(float(rate @ rate))
-        move_by_creep(state, endcap, turned_m * contact.ratio * _friction_axis(state, endcap, bar, contact), layout)
+        rate = world_rate(state, bar)
+        turned_m = float(layout.radius_m[endcap]) * since * math.sqrt(float(rate @ rate))
+        move_by_creep(state, endcap, turned_m * contact.ratio * friction_axis(state, endcap, bar, contact), layout)
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, centre, axes, variance, layout)
@@ -133,46 +166,6 @@ def _variance_of_place(
 
 def _bar_normal(normal: Array, endcap: int, layout: Layout) -> Array:
     return np.asarray(layout.endcap_turn[endcap] @ normal)
-
-
-def _slide(state: State, endcap: int, bar: int, contact: Contact, settings: Settings) -> tuple[Array, Array]:
-    """((3,) mean velocity of a slipping contact, world, m/s; (3, 3) covariance); it opposes the friction force."""
-    normal, along = state.normal[endcap], _friction_axis(state, endcap, bar, contact)
-    flat = np.eye(3) - np.outer(normal, normal)
-    spin = abs(float(world_rate(state, bar) @ normal))
-    needs = max(contact.spin_m, LEAST_SPIN_M) * moments(state.friction)[0] ** 2
-    speed = min(settings.slip_gain * spin * contact.ratio * settings.spin_lever_m**2 / needs, FASTEST_M_S)
-    variance = settings.slip_sd_m_s**2 + (settings.slip_share * speed) ** 2
-    spread = variance * (settings.slip_across**2 * flat + (1 - settings.slip_across**2) * np.outer(along, along))
-    return -speed * along, spread
-
-
-def _friction_axis(state: State, endcap: int, bar: int, contact: Contact) -> Array:
-    """(3,) unit direction of the friction force, world."""
-    normal = state.normal[endcap]
-    force = state.turn[bar] @ contact.force_n
-    along = force - (force @ normal) * normal
-    return np.asarray(along / max(float(np.sqrt(along @ along)), 1e-9))
-
-
-def move_by_creep(state: State, endcap: int, turned_m: Array, layout: Layout) -> None:
-    """Move an anchor against its friction force by the creep of an endcap that turns under load.
-
-    Slow slip does not raise the probability of slip, but continues as long as the endcap rolls or pivots, on a slope
-    always in the same direction. With the friction ratio r along the unit vector t, the radius R and the angular
-    velocity w, an anchor a moves by da/dt = -c r t R |w|. The creep c is part of the state, so that its error is common
-    to all anchors.
-
-    Args:
-        state: it is changed.
-        endcap: number of the endcap.
-        turned_m: (3,) r t R |w| times the time step, m.
-        layout: indices of the robot.
-    """
-    at = layout.anchor(endcap)
-    state.anchor[endcap] -= turned_m * state.creep[0]
-    state.covariance[at] -= np.outer(turned_m, state.covariance[layout.creep])
-    state.covariance[:, at] -= np.outer(state.covariance[:, layout.creep], turned_m)
 
 
 def _learn_normal(
@@ -212,13 +205,6 @@ def _begin(state: State, endcap: int, centre: DomeCentre, variance: Array, layou
     state.anchor[endcap], state.anchored[endcap], state.slips[endcap] = point, 1, release_slips
 
 
-def _difference(state: State, endcap: int, centre: DomeCentre, layout: Layout) -> tuple[Array, Array]:
-    """((3,) innovation: anchor minus endcap, m; (3, N) Jacobian of endcap minus anchor by the error state)."""
-    point, slopes = unloaded(state, endcap, centre, layout)
-    slopes[:, layout.anchor(endcap)] -= np.eye(3)
-    return state.anchor[endcap] - point, slopes
-
-
 def _slips(
     state: State, endcap: int, contact: Contact, centre: DomeCentre, axes: Array, variance: Array, since: float,
     layout: Layout, settings: Settings,
@@ -228,8 +214,8 @@ def _slips(
     before = state.slips[endcap]
     prior = by_ratio * (STAYS * before + (1 - before)) + STARTS * by_ratio * (1 - by_ratio)
     prior = min(max(prior, LEAST), MOST)
-    mean, spread = _slide(state, endcap, int(layout.endcap_bar[endcap]), contact, settings)
-    innovation, slopes = _difference(state, endcap, centre, layout)
+    mean, spread = slide(state, endcap, int(layout.endcap_bar[endcap]), contact, settings)
+    innovation, slopes = difference(state, endcap, centre, layout)
     rows = axes[1:] @ slopes
     holds = rows @ state.covariance @ rows.T + np.diag(variance[1:])
     slips = holds + since**2 * axes[1:] @ spread @ axes[1:].T
@@ -249,7 +235,7 @@ def _log_density(x: Array, spread: Array) -> float:
 
 def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: Array, layout: Layout) -> None:
     """Update step with the measurement that the endcap is at its anchor."""
-    innovation, slopes = _difference(state, endcap, centre, layout)
+    innovation, slopes = difference(state, endcap, centre, layout)
     found = np.empty(3)
     change = update_step(
         state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
@@ -257,7 +243,7 @@ def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: 
     state.consistency[1] += MEAN_WEIGHT * (float(found.mean()) - state.consistency[1])
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, state.softness, layout.leader,
+        state.delay_s, state.creep, state.softness, layout.leader,
     )  # fmt: skip
 
 

@@ -125,6 +125,8 @@ class RobotEstimate:
         friction, friction_sd: mean and standard deviation of the supports' learned coefficient of friction.
         softness, softness_sd: learned relative excess of the domes' yield over ``Settings.compliance_m_n``, and its
             standard deviation; forces that are measured too small by that part have the same effect.
+        delay_s, delay_sd_s: learned excess of the domes' delay over ``yield_delay_s``, and its standard deviation, s;
+            stamps of the readings that are late by so much have the opposite effect.
         health: whether the estimate agrees with the samples.
     """
 
@@ -138,4 +140,6 @@ class RobotEstimate:
     friction_sd: float
     softness: float
     softness_sd: float
+    delay_s: float
+    delay_sd_s: float
     health: Health

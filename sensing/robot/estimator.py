@@ -25,7 +25,7 @@ from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
 from sensing.robot.silence import doubtful, follow_on, pauses
-from sensing.robot.start import Gathered, begin, gather, goes_on, moves, nothing_gathered
+from sensing.robot.start import Gathered, begin, first_leader, gather, goes_on, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -124,7 +124,8 @@ class RobotEstimator:
         state, measured_s = progress.state.copy(), progress.state.time_s
         if time_s > measured_s:
             self._filter.take(state, min(time_s, measured_s + self.settings.history_s), [])
-        return report_of(state, measured_s, self._ignored, self.left_out(), self._layout, self.settings)
+        layout = self._filter.led(state)
+        return report_of(state, measured_s, self._ignored, self.left_out(), layout, self.settings)
 
     def left_out(self) -> list[str]:
         """One line for each kind of recent sample with impossible values; an estimate's health contains them, too."""
@@ -161,10 +162,11 @@ class RobotEstimator:
         if settling and waits:
             progress.gathered = again
         elif enough and (gathered.length_counts > 0).any():
-            state = empty_state(self._layout, time_s)
-            begin(state, gathered, self._layout, self.settings, progress.stands)
+            layout = self._layout.led_by(first_leader(gathered, self._layout))
+            state = empty_state(layout, time_s)
+            begin(state, gathered, layout, self.settings, progress.stands)
             if progress.state is not None:
-                follow_on(state, progress.state, self._layout)
+                follow_on(state, progress.state, layout)
             progress.state, progress.gathered = state, None
             progress.began_s, progress.stands = time_s if np.isnan(progress.began_s) else progress.began_s, True
 
@@ -175,6 +177,7 @@ class RobotEstimator:
             if isinstance(sample, FootSample):
                 number = self._number[sample.endcap]
                 gathered.contacts[number] = contact_of(sample, number, self._layout, self.settings)
+                gathered.reading_s[number] = time_s
             elif not isinstance(sample, KnownContact):
                 bar = self._bar_of[sample.sensor] if isinstance(sample, InertialSample) else -1
                 gather(gathered, time_s, bar, sample, self._layout, self.settings)

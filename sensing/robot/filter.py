@@ -16,8 +16,8 @@ from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import SILENT_S, hold, unmeasured, watch
-from sensing.robot.state import State
+from sensing.robot.silence import SILENT_S, hold, lead, leading, unmeasured, watch
+from sensing.robot.state import MEAN_WEIGHT, State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -25,6 +25,7 @@ LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
+CHANGES_S = 0.1  # E: time over which the changes of the rates are averaged
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 
 
@@ -38,6 +39,7 @@ class Filter:
 
     def __init__(self, layout: Layout, settings: Settings) -> None:
         self.layout, self.settings = layout, settings
+        self._led = {bar: layout.led_by(bar) for bar in layout.leaders}
         self._bar_of = {name: bar for bar, name in enumerate(layout.sensor_of_bar) if name}
         self._endcap_of = {endcap.name: number for number, endcap in enumerate(layout.robot.endcaps)}
         self._walk = np.tile([settings.rate_bias_walk**2, settings.force_bias_walk**2], (layout.bars, 1))
@@ -53,7 +55,9 @@ class Filter:
             time_s: time, s, not before that of the state.
             samples: inertial samples first, then lengths, then endcaps.
         """
-        if state.held_s or unmeasured(state, time_s, self.layout):
+        lead(state, leading(state, time_s, self.layout), self.layout)
+        layout = self.led(state)
+        if state.held_s or unmeasured(state, time_s, layout):
             return self._hold(state, time_s, samples)
         if time_s - state.time_s > SILENT_S:  # one sample must not cover so long a silence
             self.predict(state, time_s - LONGEST_STEP_S, [])
@@ -62,14 +66,22 @@ class Filter:
             if isinstance(sample, LengthSample):
                 self.lengths(state, sample)
             elif isinstance(sample, FootSample):
-                contacts.take(state, self._endcap_of[sample.endcap], sample, self.layout, self.settings)
+                contacts.take(state, self._endcap_of[sample.endcap], sample, layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
 
+    def led(self, state: State) -> Layout:
+        """The layout with the leading bar of a state.
+
+        Args:
+            state: state of the filter.
+        """
+        return self._led[state.leader]
+
     def measures(self, samples: Sequence[AnySample]) -> bool:
-        """Whether the leading bar's inertial sensor is among the samples."""
-        name = self.layout.sensor_of_bar[self.layout.leader]
-        return any(isinstance(sample, InertialSample) and sample.sensor == name for sample in samples)
+        """Whether the inertial sensor of a bar that may lead is among the samples."""
+        names = [self.layout.sensor_of_bar[bar] for bar in self.layout.leaders]
+        return any(isinstance(sample, InertialSample) and sample.sensor in names for sample in samples)
 
     def _hold(self, state: State, time_s: float, samples: list[AnySample]) -> None:
         hold(state, time_s, self.layout)
@@ -101,6 +113,7 @@ class Filter:
                 self._first_rate(state, bar)
             new = turn @ sample.rate_rad_s
             state.rate_over_s[bar] = time_s - state.rate_s[bar]
+            _follow_change(state, bar, new)
             rate[bar] = _over_step(new, state.rate_used[bar], state.rate_over_s[bar], step)
             state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
             state.rate_used[bar] = -rate[bar] * step
@@ -122,7 +135,7 @@ class Filter:
         state.covariance[at, at] = self.settings.rate_bias_sd**2 * np.eye(3)
 
     def _move(self, state: State, time_s: float, rate: Array, force: Array, heard: np.ndarray) -> None:
-        layout, leader = self.layout, self.layout.leader
+        layout, leader = self.led(state), state.leader
         unknown = ~np.isfinite(state.rate_s)  # without gyroscope, minus its "bias" is the angular velocity
         rate[~heard[0] & ~unknown] = 0.0
         watch(state, time_s - state.time_s, ~heard[0] & ~unknown)
@@ -130,7 +143,7 @@ class Filter:
         if state.began_moving:  # a bar may be turned by 180 degrees then, and its acceleration with it
             own &= np.arange(layout.bars) == leader
         has_force = np.where(own, 1, 2 if own[leader] else 0).astype(np.int64)
-        noise = self._noise(rate, force[leader], has_force, heard[0], unknown)
+        noise = self._noise(rate, force[leader], has_force, heard[0], unknown, leader)
         walk, fade = self._walks(rate[heard[0]], unknown)
         step = time_s - state.time_s
         state.rate_bias *= np.exp(-step * fade)[:, None]
@@ -151,11 +164,13 @@ class Filter:
         state.covariance[:, at] *= keep
         state.covariance[at, at] += (1 - keep**2) * self.settings.softness_sd**2
 
-    def _noise(self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray, unknown: np.ndarray) -> Array:
+    def _noise(
+        self, rate: Array, force: Array, has_force: np.ndarray, heard: np.ndarray, unknown: np.ndarray, leader: int
+    ) -> Array:
         settings = self.settings
         noise = np.empty((self.layout.bars, 3))
         noise[:, 0] = np.where(heard | unknown, settings.rate_noise, self._unknown_rate(rate[heard])) ** 2
-        noise[:, 0] += np.where(np.arange(len(noise)) == self.layout.leader, 0.0, settings.shape_rate_noise**2)
+        noise[:, 0] += np.where(np.arange(len(noise)) == leader, 0.0, settings.shape_rate_noise**2)
         if not has_force.any():
             noise[:, 1], noise[:, 2] = FREE_NOISE**2, 0.0
             return noise
@@ -163,8 +178,8 @@ class Filter:
         relative = settings.relative_noise + settings.relative_share * accelerates
         noise[:, 1] = np.where(has_force == 1, settings.force_noise, relative) ** 2
         noise[:, 2] = np.where(has_force == 2, settings.force_noise**2, 0.0)
-        if has_force[self.layout.leader] == 1:
-            noise[self.layout.leader, 1:] = 0.0, settings.force_noise**2
+        if has_force[leader] == 1:
+            noise[leader, 1:] = 0.0, settings.force_noise**2
         return noise
 
     def _walks(self, rate: Array, unknown: np.ndarray) -> tuple[Array, Array]:
@@ -197,7 +212,7 @@ class Filter:
             state: state at the sample's time; it is changed.
             sample: lengths of all measured cables.
         """
-        layout = self.layout
+        layout = self.led(state)
         length, slopes = length_slopes(
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
@@ -213,17 +228,24 @@ class Filter:
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
-            state.consistency[0] += contacts.MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
+            state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
         apply(state, change, layout.leader)
 
     def _loosen(self, state: State) -> None:
         """Increase the covariance of the shape where the lengths no longer fit it."""
         for bar in range(self.layout.bars):
-            if bar != self.layout.leader:
+            if bar != state.leader:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
+
+
+def _follow_change(state: State, bar: int, rate: Array) -> None:
+    """Update the mean square of the change between a bar's rates by a new one, bar axes; not after a silence."""
+    if state.rate_over_s[bar] <= SILENT_S:
+        change, keep = rate - state.rate[bar], float(np.exp(-state.rate_over_s[bar] / CHANGES_S))
+        state.rate_change[bar] += (1 - keep) * (float(change @ change) / 3 - state.rate_change[bar])
 
 
 def _root_mean_square(rate: Array) -> float:
@@ -241,7 +263,7 @@ def apply(state: State, change: Array, leader: int) -> None:
     """
     correct(
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.creep, state.softness, leader,
+        state.delay_s, state.creep, state.softness, leader,
     )  # fmt: skip
 
 

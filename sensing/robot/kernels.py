@@ -1,11 +1,11 @@
 """Compiled predict step of the robot's filter: in numpy, its many small calls would take over a tenth of a core.
 
 The error state holds three numbers each, in this order: rotations of the B bars (rad, world axes), positions (m),
-velocities (m/s), gyroscope biases (rad/s), accelerometer biases (m/s^2), the E anchors (m); then creep and softness,
-one number each. The error of a position, a velocity or an anchor x is ``x_true - exp(rotation of the leading bar) x``.
-A rotation of the whole robot about the vertical, which no sensor measures, is then the same vector at every estimate,
-so that the covariance of the heading does not shrink falsely (invariant extended Kalman filter: Barrau and Bonnabel
-2017, doi:10.1109/TAC.2016.2594085).
+velocities (m/s), gyroscope biases (rad/s), accelerometer biases (m/s^2), the E anchors (m); then delay (s), creep and
+softness, one number each. The error of a position, a velocity or an anchor x is
+``x_true - exp(rotation of the leading bar) x``. A rotation of the whole robot about the vertical, which no sensor
+measures, is then the same vector at every estimate, so that the covariance of the heading does not shrink falsely
+(invariant extended Kalman filter: Barrau and Bonnabel 2017, doi:10.1109/TAC.2016.2594085).
 """
 
 # mypy: ignore-errors

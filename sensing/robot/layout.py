@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,8 @@ class Layout:
 
     Attributes:
         robot: description of the robot.
-        leader: number of the bar whose accelerometer is the reference of all others.
+        leader: number of the bar whose accelerometer is the reference of all others; while it is silent, another one
+            leads (:meth:`led_by`).
         reference_m: (B, 3) reference points, bar frame, m.
         sensor_of_bar: names of the inertial sensors, None for a bar without.
         sensor_turn: (B, 3, 3) rotations from sensor to bar axes.
@@ -67,9 +68,14 @@ class Layout:
         return len(self.endcap_bar)
 
     @property
+    def vectors(self) -> int:
+        """Number of the error state's components that belong to vectors of three; the other ones come after them."""
+        return 15 * self.bars + 3 * self.endcaps
+
+    @property
     def size(self) -> int:
         """Size N of the error state."""
-        return 15 * self.bars + 3 * self.endcaps + 2
+        return self.vectors + 3
 
     def compliance_m_n(self, endcap: int, settings: Settings) -> float:
         """Yield of an endcap's dome under 1 N, m/N: as the description states it, else by its size.
@@ -92,6 +98,19 @@ class Layout:
         """
         stated = self.robot.endcaps[endcap].yield_delay_s
         return settings.yield_delay_s if stated is None else stated
+
+    @property
+    def leaders(self) -> tuple[int, ...]:
+        """Numbers of the bars that may lead: those with an accelerometer, else the first one."""
+        return tuple(int(bar) for bar in np.flatnonzero(self.has_force)) or (self.leader,)
+
+    def led_by(self, bar: int) -> Layout:
+        """The same robot with another leading bar.
+
+        Args:
+            bar: number of the bar.
+        """
+        return replace(self, leader=bar)
 
     def turn(self, bar: int) -> slice:
         """Indices of a bar's rotation in the error state."""
@@ -116,6 +135,11 @@ class Layout:
     def anchor(self, endcap: int) -> slice:
         """Indices of an endcap's anchor in the error state."""
         return self.turn(5 * self.bars + endcap)
+
+    @property
+    def delay(self) -> int:
+        """Index of the delay that all domes have in common in the error state; the last but two."""
+        return self.size - 3
 
     @property
     def creep(self) -> int:

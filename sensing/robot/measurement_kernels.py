@@ -57,14 +57,14 @@ def update_step(covariance, slopes, innovation, variance, limit, found):
 
 
 @numba.njit(**EXACTLY)
-def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal, creep, softness, leader):
+def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal, delay, creep, softness, leader):
     """Add the error state to the state, in place.
 
     Args:
         change: (N,) correction of the error state.
         turn, place, velocity, anchor, normal: as in :func:`predict_step`.
         rate_bias, force_bias: (B, 3) biases of gyroscopes, rad/s, and accelerometers, m/s^2.
-        creep, softness: (1,) creep and softness.
+        delay, creep, softness: (1,) delay, s, creep and softness.
         leader: number of the bar whose rotation the errors of positions refer to.
     """
     bars = len(turn)
@@ -79,6 +79,7 @@ def correct(change, turn, place, velocity, rate_bias, force_bias, anchor, normal
     for e in range(len(anchor)):
         anchor[e] = times_vector(whole, anchor[e]) + change[3 * (5 * bars + e) : 3 * (5 * bars + e) + 3]
         normal[e] = times_vector(whole, normal[e])
+    delay[0] += change[len(change) - 3]
     creep[0] += change[len(change) - 2]
     softness[0] += change[len(change) - 1]
 

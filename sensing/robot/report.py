@@ -36,12 +36,13 @@ def report_of(
     """The record of a state.
 
     Args:
-        state: state of the filter.
+        state: state of the filter; its covariance is changed.
         measured_s: capture time of the newest sample in it, s.
         ignored: number of samples left out so far.
         impossible: one line for each sensor with impossible numbers lately.
         layout, settings: indices and assumptions of the estimator.
     """
+    _extrapolate(state, layout, settings)
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()
     centre = sum((part * point for part, (point, _) in zip(share, masses, strict=True)), np.zeros(3))
@@ -53,8 +54,39 @@ def report_of(
         tuple(_endcap(state, endcap, layout, settings) for endcap in range(layout.endcaps)),
         centre, slopes @ state.covariance @ slopes.T, friction, friction_sd,
         float(state.softness[0]), float(np.sqrt(state.covariance[layout.softness, layout.softness])),
+        float(state.delay_s[0]), float(np.sqrt(state.covariance[layout.delay, layout.delay])),
         _health(state, ignored, impossible, layout, settings),
     )  # fmt: skip
+
+
+def _extrapolate(state: State, layout: Layout, settings: Settings) -> None:
+    """Add to the covariance that the bars' rates have changed since their last samples, by what is usual of late.
+
+    The estimate between two samples turns each bar by its last rate; the next sample corrects that, so the filter's own
+    covariance must not contain it. For a rate that is a random walk of intensity q, turned by its mean over D for a
+    time t, the variance is q (t^3 / 3 + D t^2 / 3).
+    """
+    for bar in range(layout.bars):
+        late_s = state.time_s - float(state.rate_s[bar])
+        if not 0 < late_s <= SILENT_S:
+            continue
+        slopes, at = np.zeros((layout.size, 3)), layout.turn(bar)
+        slopes[at] = np.eye(3)
+        if bar == state.leader:  # errors of places refer to its rotation, and do not change with it
+            for place in range(layout.bars):
+                slopes[layout.place(place)] = -minus_cross(state.place[place])
+                slopes[layout.velocity(place)] = -minus_cross(state.velocity[place])
+        over_s = float(state.rate_over_s[bar])
+        turned = _rate_walk(state, bar, settings) * late_s**2 * (late_s + over_s) / 3
+        state.covariance += turned * slopes @ slopes.T
+
+
+def _rate_walk(state: State, bar: int, settings: Settings) -> float:
+    """Intensity of a bar's rate as a random walk, rad^2/s^3: means over D differ by 2 q D / 3, and by their noise."""
+    over_s = float(state.rate_over_s[bar])
+    if not over_s <= SILENT_S:
+        return 0.0
+    return 1.5 * max(0.0, float(state.rate_change[bar]) - 2 * settings.rate_noise**2 / over_s) / over_s
 
 
 def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
@@ -95,10 +127,11 @@ def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings)
     """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and noise of the last sample."""
     rows = np.zeros((3, layout.size))
     rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
-    noise, over_s = settings.rate_noise, state.rate_over_s[bar]
+    noise, over_s, walked = settings.rate_noise, state.rate_over_s[bar], _rate_walk(state, bar, settings)
+    walked *= max(0.0, float(state.time_s - state.rate_s[bar])) + over_s / 3 if walked else 0.0
     if _fell_silent(state, bar):
-        noise, over_s = settings.unknown_rate_noise, SILENT_S
-    return np.asarray(rows @ state.covariance @ rows.T + noise**2 / over_s * np.eye(3))
+        noise, over_s, walked = settings.unknown_rate_noise, SILENT_S, 0.0
+    return np.asarray(rows @ state.covariance @ rows.T + (noise**2 / over_s + walked) * np.eye(3))
 
 
 def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:

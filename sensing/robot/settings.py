@@ -66,6 +66,8 @@ class Settings:
         softness_stays_s: time constant with which it is forgotten; the yield also depends on the place of contact.
         yield_delay_s: delay of the yield behind the force: the dome's damping over its stiffness; the description may
             state an endcap's own.
+        delay_sd_s: standard deviation of what all domes' delays have in common beside it, which is learned: another
+            silicone (0.3 to 10 ms), and stamps at the beginning or end of an exposure of up to 10 ms.
         anchor_sd_m: standard deviation of a contact's position besides the compliance.
         error_stays_s: correlation time of a contact's errors.
         bit_sd_m: standard deviation of the position of a contact of which only the bit is known.
@@ -111,6 +113,7 @@ class Settings:
     softness_sd: float = 0.2
     softness_stays_s: float = 50.0
     yield_delay_s: float = 0.01
+    delay_sd_s: float = 0.005
     anchor_sd_m: float = 1.5e-4
     error_stays_s: float = 0.8
     bit_sd_m: float = 8e-3

@@ -1,9 +1,9 @@
-"""The estimate while the leading bar's inertial sensor sends nothing.
+"""The estimate while inertial sensors send nothing.
 
-Lengths and contacts alone do not determine the rotation about the vertical, the bars' rotations about themselves and,
-at the prism, one motion of the shape: a filter on them alone diverges within minutes. So the pose is held, its
-covariance grows like the motion of an unobserved robot, and when samples come again the robot has to stand a while, as
-at the start.
+Where the leading bar's one is silent, another bar with an accelerometer leads. Where all are, lengths and contacts
+alone do not determine the rotation about the vertical, the bars' rotations about themselves and, at the prism, one
+motion of the shape: a filter on them alone diverges within minutes. So the pose is held, its covariance grows like the
+motion of an unobserved robot, and when samples come again the robot has to stand a while, as at the start.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import minus_cross
 
 SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used
+SLOWEST_S = 0.3  # E: longest time for which a slow sensor leads without a sample
 HELD_AFTER_S = 1.0  # duration of a silence after which the pose is held
 GONE_S = 3.0  # E: after it a silent gyroscope is not waited for
 UNSEEN_S = 0.1  # largest time in which several gyroscopes may be silent at once
@@ -36,6 +37,46 @@ def unmeasured(state: State, time_s: float, layout: Layout) -> bool:
     """
     leader = layout.leader
     return bool(time_s - max(state.rate_s[leader], state.force_s[leader]) > HELD_AFTER_S)
+
+
+def leading(state: State, time_s: float, layout: Layout) -> int:
+    """Number of the bar that leads: the present one while it reports, else the first other one that does.
+
+    After a start in motion no other one can: it may be turned by half a turn about itself, and its gravity with it.
+
+    Args:
+        state: state of the filter.
+        time_s: time, s, not before the state's.
+        layout: indices of the robot.
+    """
+    usual_s = np.clip(2 * state.rate_over_s, SILENT_S, SLOWEST_S)  # a slow sensor is not silent between its samples
+    silent = time_s - np.minimum(state.rate_s, state.force_s) > usual_s
+    if silent[state.leader] and not state.began_moving:
+        return next((bar for bar in layout.leaders if not silent[bar]), state.leader)
+    return state.leader
+
+
+def lead(state: State, leader: int, layout: Layout) -> None:
+    """Let another bar lead: errors of places, velocities and anchors refer to its rotation from then on.
+
+    With the error x_true - exp(a) x = x_true - exp(b) x + (b - a) x x to first order, the covariance only changes its
+    coordinates.
+
+    Args:
+        state: state that is changed.
+        leader: number of the bar.
+        layout: indices of the robot.
+    """
+    if leader == state.leader:
+        return
+    whole, before, after = np.eye(layout.size), layout.turn(state.leader), layout.turn(leader)
+    points = [(layout.place(bar), state.place[bar]) for bar in range(layout.bars)]
+    points += [(layout.velocity(bar), state.velocity[bar]) for bar in range(layout.bars)]
+    points += [(layout.anchor(int(endcap)), state.anchor[endcap]) for endcap in np.flatnonzero(state.anchored)]
+    for at, point in points:
+        whole[at, before] += minus_cross(point)
+        whole[at, after] -= minus_cross(point)
+    state.covariance, state.leader = whole @ state.covariance @ whole.T, leader
 
 
 def watch(state: State, step_s: float, silent: np.ndarray) -> None:
@@ -105,9 +146,10 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
 
     Args:
         state: the new state, which is changed.
-        held: the state that was held until then.
+        held: the state that was held until then; its leading bar becomes that of the new one.
         layout: indices of the robot.
     """
+    lead(held, state.leader, layout)
     turn = held.turn[layout.leader] @ state.turn[layout.leader].T
     angle = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
     back = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
@@ -117,8 +159,8 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     shift[:2] = held.place[layout.leader, :2] - state.place[layout.leader, :2]
     state.place += shift
     whole = np.eye(layout.size)
-    vectors = layout.size // 3 * 3
-    whole[:vectors, :vectors] = np.kron(np.eye(layout.size // 3), back)
+    vectors = layout.vectors
+    whole[:vectors, :vectors] = np.kron(np.eye(vectors // 3), back)
     for bar in range(layout.bars):  # what turns it turns it where it stands: errors of places refer to the origin
         whole[layout.place(bar), layout.turn(layout.leader)] = -minus_cross(shift) @ back
     state.covariance = whole @ state.covariance @ whole.T
@@ -129,9 +171,8 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
     if doubtful(held):  # values learned with a wrong shape are wrong, too
         return
-    state.creep, state.softness = held.creep.copy(), held.softness.copy()
-    learned = np.ix_((layout.creep, layout.softness), (layout.creep, layout.softness))
-    state.covariance[learned] = held.covariance[learned]
+    state.delay_s, state.creep, state.softness = held.delay_s.copy(), held.creep.copy(), held.softness.copy()
+    state.covariance[layout.vectors :, layout.vectors :] = held.covariance[layout.vectors :, layout.vectors :]
 
 
 def _of_place(state: State, layout: Layout) -> Array:

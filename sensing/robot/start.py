@@ -58,6 +58,7 @@ class Gathered:
         half_counts: (2, C) numbers of these lengths.
         heard_s: (B, 2) times of the last rates and forces; -inf without.
         contacts: last contact of each endcap.
+        reading_s: times of their readings, s.
     """
 
     tried_s: float
@@ -75,6 +76,7 @@ class Gathered:
     half_counts: Array
     heard_s: Array
     contacts: dict[int, Contact] = field(default_factory=dict)
+    reading_s: dict[int, float] = field(default_factory=dict)
 
     def copy(self) -> Gathered:
         """An independent copy."""
@@ -165,6 +167,16 @@ def goes_on(gathered: Gathered) -> bool:
     return bool((turns | (gathered.squares > ROCKS_RAD_S**2 * count)).any())
 
 
+def first_leader(gathered: Gathered, layout: Layout) -> int:
+    """Number of the bar that leads at first: the first of those that may lead whose accelerometer has reported.
+
+    Args:
+        gathered: sums while the robot stood.
+        layout: indices of the robot.
+    """
+    return next((bar for bar in layout.leaders if gathered.counts[bar, 1] > 0), layout.leader)
+
+
 def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, stands: bool = True) -> None:
     """Set the first state.
 
@@ -208,11 +220,13 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
 
 
 def _heard(state: State, gathered: Gathered) -> None:
-    """Set the time of each inertial sensor's last sample, so that none counts as silent at the start."""
+    """Set the time of each sensor's last sample, so that none counts as silent at the start."""
     rates, forces = (gathered.counts > 0).T
     state.rate[rates] = gathered.rate[rates] / gathered.counts[rates, :1]
     state.force[forces] = gathered.force[forces] / gathered.counts[forces, 1:]
     state.rate_s, state.force_s = gathered.heard_s.T.copy()
+    for endcap, contact in gathered.contacts.items():
+        state.contacts[endcap], state.reading_s[endcap] = contact, gathered.reading_s[endcap]
     since = np.where(np.isfinite(gathered.heard_s), state.time_s - gathered.heard_s, 0.0)
     state.rate_used, state.force_used = since[:, :1] * state.rate, since[:, 1:] * state.force
 
@@ -252,6 +266,7 @@ def _set_covariance(
         slopes[layout.place(bar), 6 * bar + 3 : 6 * bar + 6] += minus_cross(arm)
         slopes[layout.place(bar), leader : leader + 3] -= minus_cross(state.place[bar])
     state.covariance = slopes @ spread @ slopes.T
+    state.covariance[layout.delay, layout.delay] = settings.delay_sd_s**2
     state.covariance[layout.creep, layout.creep] = settings.creep_sd**2
     state.covariance[layout.softness, layout.softness] = settings.softness_sd**2
     for bar in range(bars):

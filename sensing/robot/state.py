@@ -14,6 +14,8 @@ from sensing.robot.layout import Layout
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import Array
 
+MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
+
 
 @dataclass
 class State:
@@ -30,16 +32,21 @@ class State:
         normal_variance: (E,) variances of the normals, rad^2.
         anchored: (E,) whether the endcap has an anchor.
         slips: (E,) probabilities of slip.
-        creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.contacts.move_by_creep`).
+        creep: (1,) creep of endcaps that turn under load (:func:`sensing.robot.slide.move_by_creep`).
         softness: (1,) relative excess of the domes' yield over ``Settings.compliance_m_n``, or part by which forces are
             measured too small.
+        delay_s: (1,) excess of all domes' delay of the yield behind the force over ``Settings.yield_delay_s``, s.
         rate, force: (B, 3) last samples, bar axes, rad/s and m/s^2.
         rate_s, force_s: (B,) their times, s.
         rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
+        rate_change: (B,) fading mean square of the change from one rate to the next, an axis, rad^2/s^2.
         rate_used, force_used: (B, 3) integrals of the used values since the last samples.
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
         lengths_s: time of the last lengths, s.
+        load_n: (E, 3) normal force by which the softness is learned, world, N; NaN before the first
+            (:func:`sensing.robot.dome.count_load`).
+        jumped: (E,) whether the last reading was left out because it jumped (:mod:`sensing.robot.jump`).
         astray_s: (E,) time since which a touching endcap reports wrenches of no contact on its dome, s; NaN for none.
         contacts: last contact of each endcap.
         friction: (59,) probabilities of the coefficients.
@@ -55,6 +62,7 @@ class State:
         began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
         unseen_s: time for which several gyroscopes were silent at once, s.
+        leader: number of the leading bar, to whose rotation the errors of positions refer.
     """
 
     time_s: float
@@ -71,16 +79,20 @@ class State:
     slips: Array
     creep: Array
     softness: Array
+    delay_s: Array
     rate: Array
     force: Array
     rate_s: Array
     force_s: Array
     rate_over_s: Array
+    rate_change: Array
     rate_used: Array
     force_used: Array
     contact_s: Array
     reading_s: Array
     astray_s: Array
+    load_n: Array
+    jumped: np.ndarray
     lengths_s: float
     contacts: list[Contact | None]
     friction: Array
@@ -96,6 +108,7 @@ class State:
     began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
+    leader: int = 0
 
     def copy(self) -> Self:
         """An independent copy."""
@@ -119,12 +132,13 @@ def empty_state(layout: Layout, time_s: float) -> State:
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
+        delay_s=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
-        rate_over_s=np.full(bars, np.inf), rate_used=of_bars(), force_used=of_bars(),
+        rate_over_s=np.full(bars, np.inf), rate_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
-        lengths_s=never,
+        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
-        known=[None] * endcaps,
+        known=[None] * endcaps, leader=layout.leader,
     )  # fmt: skip
 
 

@@ -52,6 +52,8 @@ def estimate_record(estimate: RobotEstimate) -> dict[str, Any]:
         "friction_sd": _plain(estimate.friction_sd),
         "softness": _plain(estimate.softness),
         "softness_sd": _plain(estimate.softness_sd),
+        "delay_s": _plain(estimate.delay_s),
+        "delay_sd_s": _plain(estimate.delay_sd_s),
         "bars": [
             {
                 "name": bar.name, "T_world_bar": _plain(bar.T_world_bar), "velocity_m_s": _plain(bar.velocity_m_s),

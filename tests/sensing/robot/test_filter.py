@@ -8,13 +8,14 @@ from standing_robot import UP
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contact_kernels import line_of_action_slopes
-from sensing.robot.contacts import move_by_creep
 from sensing.robot.dome import dome_centre, unloaded
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned, moments, slip_probability
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct, length_slopes, point_slopes, update_step
 from sensing.robot.settings import Settings
+from sensing.robot.silence import lead
+from sensing.robot.slide import move_by_creep
 from sensing.robot.state import empty_state
 from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.tensegrity.robot_file import load_robot
@@ -39,6 +40,7 @@ class Moving:
         self.anchor, normal = rng.normal(0, 1.0, (6, 3)), rng.normal(0, 0.3, (6, 3)) + UP
         self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
         self.creep, self.softness = rng.normal(0, 0.01, (2, 1))
+        self.delay_s = rng.normal(0, 0.005, 1)
         self.anchored = np.array([1, 0, 1, 0, 1, 0])
 
     def parts(self):
@@ -50,6 +52,7 @@ class Moving:
             self.force_bias,
             self.anchor,
             self.normal,
+            self.delay_s,
             self.creep,
             self.softness,
         )
@@ -76,9 +79,9 @@ class Moving:
         )  # fmt: skip
         return other
 
-    def less(self, other: Moving):
-        """(N,) error state that takes the other to this one."""
-        change, leader = np.zeros(LAYOUT.size), LAYOUT.leader
+    def less(self, other: Moving, leader: int = LAYOUT.leader):
+        """(N,) error state that takes the other to this one, where a bar leads."""
+        change = np.zeros(LAYOUT.size)
         for bar in range(3):
             turned = self.turn[bar] @ other.turn[bar].T
             change[LAYOUT.turn(bar)] = 0.5 * (turned - turned.T)[[2, 0, 1], [1, 2, 0]]
@@ -90,6 +93,7 @@ class Moving:
             change[LAYOUT.force_bias(bar)] = self.force_bias[bar] - other.force_bias[bar]
         for endcap in range(6):
             change[LAYOUT.anchor(endcap)] = self.anchor[endcap] - whole @ other.anchor[endcap]
+        change[LAYOUT.delay] = self.delay_s[0] - other.delay_s[0]
         change[LAYOUT.creep] = self.creep[0] - other.creep[0]
         change[LAYOUT.softness] = self.softness[0] - other.softness[0]
         return change
@@ -130,6 +134,21 @@ def test_the_noise_of_a_rate_turns_its_bar_and_rolls_its_anchors(bar):
     assert np.abs(spread - expected).max() < 0.01 * expected.max()
     rolled = [spread[LAYOUT.anchor(e), LAYOUT.turn(bar)] for e in range(6) if LAYOUT.endcap_bar[e] == bar]
     assert all(np.abs(each).max() > 0.03 * step_s for each in rolled)  # about a radius of 0.065 m
+
+
+@pytest.mark.parametrize("leader", [1, 2])
+def test_errors_refer_to_the_bar_that_leads(leader):
+    """The same small error, of the state with one leading bar and with another one."""
+    here, small = Moving(3), 1e-5 * np.random.default_rng(5).normal(size=LAYOUT.size)
+    small[np.r_[LAYOUT.anchor(1), LAYOUT.anchor(3), LAYOUT.anchor(5)]] = 0.0
+    true, state = here.corrected(small), empty_state(LAYOUT, 0.0)
+    state.place, state.velocity, state.anchor, state.anchored = here.place, here.velocity, here.anchor, here.anchored
+    state.covariance = np.outer(small, small)
+    lead(state, leader, LAYOUT)
+    wanted = true.less(here, leader)
+    wanted[np.r_[LAYOUT.anchor(1), LAYOUT.anchor(3), LAYOUT.anchor(5)]] = 0.0  # without an anchor
+    assert state.leader == leader and np.abs(wanted - small).max() > 1e-5
+    assert np.abs(state.covariance - np.outer(wanted, wanted)).max() < 1e-3 * np.outer(wanted, wanted).max()
 
 
 def test_points_and_lengths_have_the_slopes_of_finite_differences():

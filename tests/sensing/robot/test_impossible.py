@@ -119,3 +119,21 @@ def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
     green = [s if getattr(s, "sensor", "") not in names else replace(s, rate_rad_s=nan) for s in SAMPLES]
     feed(estimator, green)
     assert any("imu_green: no sample" in note for note in estimator.state().health.notes)
+
+
+@pytest.mark.parametrize(("factor", "frames"), [(5.0, 1), (0.1, 1), (5.0, 2), (5.0, 10)])
+def test_forces_that_jump_move_neither_pose_nor_softness(factor, frames):
+    """One frame of 200 N, which its sender calls valid, moved the softness by 0.6; ten frames are another contact."""
+    _, samples = standing_samples(ROBOT, 4.0, noise=0.0)
+    plain, spiked = RobotEstimator(ROBOT), RobotEstimator(ROBOT)
+    feed(plain, samples)
+    times = [s.time_s for s in samples if isinstance(s, FootSample) and s.endcap == "endcap_0" and s.time_s > 2.5]
+    for sample in samples:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0" and sample.time_s in times[:frames]:
+            sample = replace(sample, force_n=factor * sample.force_n, torque_nm=factor * sample.torque_nm)
+        feed(spiked, [sample])
+    wanted, found = plain.state(), spiked.state()
+    assert abs(found.softness - wanted.softness) < 0.02
+    assert np.linalg.norm(found.centre_of_mass_m - wanted.centre_of_mass_m) < 1e-3
+    state = spiked._history.at(spiked.newest_s).state
+    assert state.contact_s[0] == max(times)  # it counts again

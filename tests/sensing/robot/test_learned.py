@@ -55,6 +55,17 @@ def test_the_domes_softness_is_learned_from_contacts_that_are_loaded_and_unloade
     assert abs(found.softness - true) < 3 * found.softness_sd
 
 
+@pytest.mark.parametrize("assumed_s", others_long([0.0, 0.02]))
+def test_the_delay_between_force_and_yield_is_learned_from_contacts_that_are_pressed(assumed_s):
+    """The simulated domes have 10 ms; forces are means over the 5 ms that end at their stamp, 2.5 ms late of them."""
+    walk = simulate_walk(ROBOT, Terrain.FLAT, seed=1, duration_s=10.0)
+    estimator = RobotEstimator(ROBOT, Settings(yield_delay_s=assumed_s))
+    feed(estimator, [arrival.sample for arrival in sensor_stream(walk, ROBOT, seed=1)])
+    found = estimator.state()
+    assert found.delay_sd_s < 0.3 * Settings().delay_sd_s
+    assert abs(assumed_s + found.delay_s - 0.0075) < 0.5 * abs(assumed_s - 0.0075)
+
+
 @pytest.mark.long
 def test_a_bar_without_gyroscope_is_followed_through_a_walk():
     """Its angular velocity is learned from cables and contacts: with a zero instead, its anchors would not roll."""
@@ -92,6 +103,23 @@ def test_a_robot_that_stands_does_not_come_to_know_its_softness_worse_than_at_fi
     feed(estimator, samples)
     found = estimator.state()
     assert found.softness_sd < 1.01 * settings.softness_sd and abs(found.softness) < 3 * settings.softness_sd
+
+
+@pytest.mark.parametrize("noise_n", others_long([1.0, 0.3, 2.0, 5.0]))
+def test_noise_of_forces_teaches_a_robot_that_stands_no_softness(noise_n):
+    """It was -0.4 after ten seconds: of the differences that noise makes, stiffer domes explain more."""
+    rng, estimator, slow = np.random.default_rng(3), RobotEstimator(ROBOT), np.zeros((6, 3))
+    keep = np.exp(-0.05 / 0.3)  # most of it stays for 0.3 s, as in the simulated walks
+    for sample in standing_samples(ROBOT, 8.0, seed=3)[1]:
+        if isinstance(sample, FootSample):
+            number = int(sample.endcap[-1])
+            slow[number] = keep * slow[number] + np.sqrt(1 - keep**2) * rng.normal(size=3)
+            noise = noise_n * (np.sqrt(0.8) * slow[number] + np.sqrt(0.2) * rng.normal(size=3))
+            stated = np.diag([0.01 + noise_n**2] * 3 + [25e-6] * 3)
+            sample = replace(sample, force_n=sample.force_n + noise, covariance=stated)
+        feed(estimator, [sample])
+    found = estimator.state()
+    assert abs(found.softness) < 0.05 and abs(found.delay_s) < 0.001
 
 
 @pytest.mark.parametrize(("noise_n", "stated_n", "said"), [(0.1, 0.1, False), (5.0, 5.0, False), (5.0, 0.1, True)])

@@ -12,6 +12,7 @@ from standing_robot import feed, standing_samples
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contacts import _learn_normal
+from sensing.robot.dome import dome_centre, unloaded
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned
 from sensing.robot.layout import layout_of
@@ -146,7 +147,7 @@ def test_a_correction_of_the_leaders_turn_turns_the_normals_with_it():
     state.normal[:] = np.array([0.6, 0.0, 0.8])
     change[LAYOUT.turn(LAYOUT.leader)] = vector
     parts = (state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal)
-    correct(change, *parts, state.creep, state.softness, LAYOUT.leader)
+    correct(change, *parts, state.delay_s, state.creep, state.softness, LAYOUT.leader)
     assert state.normal == pytest.approx(np.tile(rotation_of(vector) @ [0.6, 0.0, 0.8], (LAYOUT.endcaps, 1)))
 
 
@@ -183,3 +184,22 @@ def test_a_bar_that_turns_on_over_the_whole_start_does_not_stand(rate_rad_s, is_
         sample = InertialSample(0.01 * k, ROBOT.sensors[bar].name, rate, None)
         gather(gathered, 0.01 * k, bar, sample, LAYOUT, Settings())
     assert goes_on(gathered) is is_moving
+
+
+def test_the_unloaded_dome_moves_with_the_delay_as_finite_differences_do():
+    settings, size, places = Settings(), 1e-4, []
+    turn = LAYOUT.endcap_turn[0]
+    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
+    contact = contact_of(sample, 0, LAYOUT, settings)
+    state = empty_state(LAYOUT, 0.0)
+    state.turn[:], state.normal[0], state.velocity[0] = (
+        rotation_of(np.array([0.1, -0.2, 0.3])),
+        [0.6, 0.0, 0.8],
+        [0.3, -0.1, -0.4],
+    )
+    for delay_s in (0.002 - size, 0.002, 0.002 + size):
+        state.delay_s[0] = delay_s
+        place, slopes = unloaded(state, 0, dome_centre(state, 0, contact, LAYOUT, settings), LAYOUT)
+        places.append(place)
+    assert (places[2] - places[0]) / (2 * size) == pytest.approx(slopes[:, LAYOUT.delay], abs=1e-9)
+    assert np.linalg.norm(slopes[:, LAYOUT.delay]) > 0.1

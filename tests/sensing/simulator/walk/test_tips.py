@@ -112,6 +112,14 @@ def test_six_bars_walk_and_are_followed():
     assert estimator.state().health.good and np.abs(lengths[0] - lengths[1]).max() < 0.03
 
 
+@pytest.mark.long
+def test_six_bars_stand_as_a_run_begins():
+    """Bars in the air spun on for ever, here at 9.5 rad/s, and their estimate began after ten seconds, in motion."""
+    walk = simulate_walk(SIX, Terrain.ROUGH, TippingGait(30.0), seed=504, duration_s=3.0)
+    standing = walk.velocity[walk.time_s < 1.9][..., 3:]
+    assert np.sqrt((standing**2).sum(axis=2).mean(axis=0)).max() < 0.15
+
+
 def test_a_robot_that_has_no_face_is_refused():
     with pytest.raises(ParameterError, match="2 endcaps span no body with faces to stand on: it cannot walk"):
         Tips(replace(ROBOT, endcaps=ROBOT.endcaps[:2]))

@@ -116,7 +116,7 @@ def _map(options: dict[str, str]) -> int:
     if asked:
         require_possible(designs, load, error)
     folder = Path(options["exports"]) / _map_name()
-    make_folder(folder)  # before minutes of work, which would be lost
+    make_folder(folder)  # before the work, which would be lost
     for name in ("map.html", "map.csv"):
         require_place(folder / name)
     LOG.info(f"the map: {len(designs)} designs are computed, {DESIGN_S * len(designs):.0f} s of processor time")

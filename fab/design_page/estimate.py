@@ -29,7 +29,7 @@ MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
     "hanger": (0.97, 0.10, 0),
 }
 START_H = 9.9  # E: what of the hours does not grow with the size: first layers, slow short lines, holes, small pieces
-RATE_G_H = 19.8  # E: with START_H within 1.2 % of eight sliced sizes, D=124 to 214; one rate without it, 16.4: -16 to +10 %
+RATE_G_H = 19.8  # E: with START_H within 1.2 % of eight sliced sizes, D=124 to 214; one rate alone: -16 to +10 %
 HARDWARE = {"base": 0.60, "arm_adapter": 0.20}  # E: of the outline's volume that is plastic
 CAMERA_AND_RING_G = 35.0  # E
 SPACER_G = 12.0  # E: PETG

@@ -107,10 +107,12 @@ def test_the_faults_of_live_are_those_of_the_bench():
 
 
 def test_what_the_fit_of_own_weight_leaves_is_that_of_the_bench():
-    """Of a sag the page had 0.14 where the program left 0.53: its table of sags had lost what lies beyond the equator."""
+    """Of a sag the page had 0.14 where the program left 0.53: its table of sags ended at the equator."""
     found = table("own_weight_leaves")
     text = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
-    least = {row[0].split(",")[0]: numbers(row[1])[0] for row in page_rows("docs/live.md", "| motion | the fit of own w")}
+    least = {
+        row[0].split(",")[0]: numbers(row[1])[0] for row in page_rows("docs/live.md", "| motion | the fit of own w")
+    }
     names = ("press", "two presses at once", "picture that shifts", "camera that turns about", "turns")
     motions = ("press", "two presses", "picture", "camera, pivoting", "camera, any mix")
     for name, motion in zip(names, motions, strict=True):

@@ -138,7 +138,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words[:1] == ["help"]:
         words = [*words[1:2], "--help"]
     if not words or words[0] in ("-h", "--help"):
-        print(help_text(), file=sys.stdout if words else sys.stderr)
+        say = show if words else LOG.error
+        say(help_text())
         return 0 if words else 2
     if words[0] == "--version":
         import cad

@@ -29,7 +29,7 @@ OPTIONS = {
     "D": "", "T": "", **PATTERN_DEFAULTS, "material": DEFAULT_SILICONE, "load": "", "error": "",
     "exports": EXPORTS, "folder": "",
 }  # fmt: skip
-DESIGN_S = 1.4  # M: processor time of one design of the map (two cores, November 2026)
+DESIGN_S = 0.08  # M: processor time of one design of the map (two cores, November 2026)
 HELP = """\
 options, as NAME=VALUE; two numbers at the start are D and T:
   D=130 T=8             the design: writes exports/D130_T8/study/: study.html, study.csv, study.json
@@ -116,10 +116,10 @@ def _map(options: dict[str, str]) -> int:
     if asked:
         require_possible(designs, load, error)
     folder = Path(options["exports"]) / _map_name()
-    make_folder(folder)  # before minutes of work, which would be lost
+    make_folder(folder)  # before the work, which would be lost
     for name in ("map.html", "map.csv"):
         require_place(folder / name)
-    LOG.info(f"the map: {len(designs)} designs are computed, {DESIGN_S * len(designs) / 60:.0f} minutes")
+    LOG.info(f"the map: {len(designs)} designs are computed, {DESIGN_S * len(designs):.0f} s of processor time")
     places = survey(designs, _progress)
     choices = choose(places, load, error) if asked else []
     question = f"load {load:g} N with {error:g} N of error an axis" if asked else ""

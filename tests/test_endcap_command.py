@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -124,6 +125,15 @@ def test_a_command_with_cameras_leaves_past_the_end_of_the_interpreter(words, pa
     monkeypatch.setattr(sys, "argv", ["endcap", *words])
     with pytest.raises(RuntimeError if past else SystemExit, match="3"):
         command.program()
+
+
+def test_help_that_nobody_reads_to_its_end_gives_no_traceback():
+    """As in ``endcap --help | head``: the reader has gone before the text is written."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run([sys.executable, "-m", "endcap", "--help"], stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_help_lists_every_command_and_loads_no_library():

@@ -91,7 +91,7 @@ def answer(knobs: Mapping[str, str], exports_option: str = "") -> dict[str, Any]
         ("dots", _dots_words(params)),
         ("endcap weighs", f"about {costs.endcap_g:.0f} g with camera and ring"),
         ("mold", f"about {costs.mold_g:.0f} g of PLA"),
-        ("printing", f"about {costs.hours:.0f} h, mold, base and interface"),
+        ("printing", f"about {costs.hours:.0f} h, mold and all printed parts of the endcap"),
         ("cost", f"about {costs.usd:.0f} USD: plastic, silicone in the cast, camera, ring, screws"),
         ("joint clearance", f"{low:g} to {high:g} mm a side in this silicone"),
         ("bed", costs.bed),

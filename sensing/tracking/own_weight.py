@@ -8,7 +8,7 @@ moves the skin by
     (cos(a) f1(p), cos(a) f2(p), -sin(a) f3(p))      outward, along p, along a
 
 and one along the axis by (f4(p), f5(p), 0). own_weight.csv has them in units of rho g R^2 / mu, for shells over the
-whole valid region (``python -m sensing.simulator.solid.own_weight_table`` solves them).
+whole valid region and from the tip to the clamp (``python -m sensing.simulator.solid.own_weight_table`` solves them).
 
 No pose is asked for: c is fitted to the dots themselves, three numbers to some two hundred. The fit leaves almost
 nothing of a sag and at least a quarter of a touch's motion (bench/own_weight_leaves.csv), so c is set anew only where
@@ -37,9 +37,9 @@ TABLE = Path(__file__).with_name("own_weight.csv")
 PROFILES = ("side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
 G_M_S2 = 9.81  # of one g; that with which own_weight.csv was computed
 KG_PER_MM3 = 1e-6  # of 1 g/cm3
-WALL_SCALE = 0.3  # M: of log T / R against clamp / R; where a shell is left out, its shape is met to 2 to 6 %
+WALL_SCALE = 0.3  # M: of log T / R against clamp / R; where a shell is left out, its shape is met to 0.1 to 2.5 %
 NEWS_PX = 0.25  # at 480: motion from which c is looked for anew; five times what the picture's noise leaves
-LEAVES = 0.2  # of that motion, left by the fit at most: between 0.14 of a sag and 0.22 of two presses at once
+LEAVES = 0.2  # of that motion, left by the fit at most: between 0.04 of a sag and 0.22 of two presses at once
 MOST_G = 4.0  # turned over is 2; a silicone half as stiff as its table says doubles that
 LEAST_DOTS = 12  # followed dots that are needed to estimate c
 STEP_MM = 0.05  # largest displacement in the numerical derivative of the picture by c
@@ -126,8 +126,9 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
     unit_mm = silicone.density_g_cm3 * KG_PER_MM3 * G_M_S2 * radius_mm**2 / silicone.neo_hooke().shear_mpa
     out = arm_mm / np.linalg.norm(arm_mm, axis=1, keepdims=True)
     polar, azimuth = np.arccos(np.clip(out[:, 2], -1, 1)), np.arctan2(out[:, 1], out[:, 0])
-    polar_deg, profiles = _profiles(*ratios)
-    f = [unit_mm * np.interp(np.degrees(polar), polar_deg, profile) for profile in profiles.T]
+    share = polar / (np.pi / 2 + np.arcsin(ratios[1] / (1.0 - ratios[0])))  # 1 where the inner surface meets the clamp
+    shares, profiles = _profiles(*ratios)
+    f = [unit_mm * np.interp(share, shares, profile) for profile in profiles.T]
     cos_p, sin_p, cos_a, sin_a = np.cos(polar), np.sin(polar), np.cos(azimuth), np.sin(azimuth)
     along_polar = np.stack([cos_p * cos_a, cos_p * sin_a, -sin_p], axis=1)
     along_azimuth = np.stack([-sin_a, cos_a, np.zeros_like(azimuth)], axis=1)
@@ -141,17 +142,17 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
 
 @lru_cache(maxsize=32)
 def _profiles(wall: float, clamp: float) -> tuple[Array, Array]:
-    """(P,) polar angles in degrees, and (P, 5) the profiles there, of a shell of these ratios to R.
+    """(P,) polar angles over that of the clamp, and (P, 5) the profiles there, of a shell of these ratios to R.
 
     Between the table's shells each value is interpolated by a polyharmonic spline r^3 with a linear part (Duchon 1977).
     """
-    ratios, polar_deg, values = _table()
+    ratios, shares, values = _table()
     places, wanted = _place(ratios), _place(np.array([[wall, clamp]]))
     linear, here = np.c_[np.ones(len(places)), places], np.r_[1.0, wanted[0]]
     cubes = np.linalg.norm(places[:, None] - places, axis=2) ** 3
     matrix = np.block([[cubes, linear], [linear.T, np.zeros((3, 3))]])
     weights = np.linalg.solve(matrix, np.r_[np.linalg.norm(wanted - places, axis=1) ** 3, here])[: len(places)]
-    return polar_deg, np.tensordot(weights, values, axes=1)
+    return shares, np.tensordot(weights, values, axes=1)
 
 
 def _place(ratios: Array) -> Array:
@@ -160,11 +161,11 @@ def _place(ratios: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _table() -> tuple[Array, Array, Array]:
-    """(K, 2) wall and clamp over R, (P,) polar angles in degrees, (K, P, 5) profiles."""
+    """(K, 2) wall and clamp over R, (P,) polar angles over that of the clamp, (K, P, 5) profiles."""
     with TABLE.open(newline="") as file:
         rows = list(csv.DictReader(file))
     ratios = np.unique([(float(row["wall"]), float(row["clamp"])) for row in rows], axis=0)
-    polar_deg = np.unique([float(row["polar_deg"]) for row in rows])
-    order = sorted(rows, key=lambda row: (float(row["wall"]), float(row["clamp"]), float(row["polar_deg"])))
+    shares = np.unique([float(row["polar_share"]) for row in rows])
+    order = sorted(rows, key=lambda row: (float(row["wall"]), float(row["clamp"]), float(row["polar_share"])))
     values = np.array([[float(row[name]) for name in PROFILES] for row in order])
-    return ratios, polar_deg, values.reshape(len(ratios), len(polar_deg), len(PROFILES))
+    return ratios, shares, values.reshape(len(ratios), len(shares), len(PROFILES))

@@ -2,8 +2,10 @@
 
     python -m sensing.simulator.solid.own_weight_table --out own_weight.csv
 
-A row has a shell's T / R, the height of its centre above the clamp over R, a polar angle, and the five profiles of
-:func:`sensing.simulator.solid.own_weight.own_weight_profiles` there, in units of rho g R^2 / mu. It takes a minute.
+A row has a shell's T / R, the height of its centre above the clamp over R, a polar angle as a part of that at which the
+inner surface meets the clamp (93 to 133 degrees), and the five profiles of
+:func:`sensing.simulator.solid.own_weight.own_weight_profiles` there, in units of rho g R^2 / mu. At the clamp they are
+zero. So shells of every depth of neck have the same rows, and dots beyond the equator have theirs. It takes a minute.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.own_weight import KG_PER_MM3, own_weight_profiles
 from sensing.simulator.solid.shell import shell_model
 
-POLAR_DEG = np.arange(0.0, 91.0, 5.0)  # rows of a shell
-COLUMNS = ("wall", "clamp", "polar_deg", "side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
+SHARES = np.linspace(0.0, 1.0, 27)  # rows of a shell: polar angles over that of the clamp
+COLUMNS = ("wall", "clamp", "polar_share", "side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -62,9 +64,11 @@ def rows_of(diameter_mm: float, wall_mm: float) -> list[list[float]]:
     """
     material, geometry = silicone(), shell_geometry(diameter_mm, wall_mm)
     law, ratios = material.neo_hooke(), ShellRatios.of(geometry)
-    found = own_weight_profiles(shell_model(geometry, law, "data"), material.density_g_cm3, POLAR_DEG)
-    unit_mm = material.density_g_cm3 * KG_PER_MM3 * geometry.outer_radius_mm**2 / law.shear_mpa
-    return [[ratios.wall, ratios.clamp, polar, *row] for polar, row in zip(POLAR_DEG, found / unit_mm, strict=True)]
+    clamp_deg = 90.0 + np.degrees(np.arcsin(ratios.clamp / (1.0 - ratios.wall)))
+    model, unit_mm = shell_model(geometry, law, "data"), geometry.outer_radius_mm**2 / law.shear_mpa * KG_PER_MM3
+    free = own_weight_profiles(model, material.density_g_cm3, SHARES[:-1] * clamp_deg)
+    found = np.vstack([free, np.zeros(free.shape[1])]) / (unit_mm * material.density_g_cm3)
+    return [[ratios.wall, ratios.clamp, share, *row] for share, row in zip(SHARES, found, strict=True)]
 
 
 if __name__ == "__main__":

@@ -42,6 +42,30 @@ def test_the_table_gives_the_solution_of_a_shell_that_is_not_in_it(size):
         assert found[:, :, axis] == pytest.approx(wanted, abs=0.015 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize(
+    ("size", "name"),
+    [
+        ((142.0, 7.5), "Smooth-Sil 950"),
+        pytest.param((180.0, 15.0), "Dragon Skin 30", marks=pytest.mark.long),
+        pytest.param((250.0, 12.0), "Ecoflex 00-50", marks=pytest.mark.long),
+    ],
+)
+def test_a_turn_is_seen_where_dots_lie_beyond_the_equator(size, name):
+    """From D=136 on a fifth of the seen dots do; the table ended at the equator, and no turn was taken out there."""
+    params, view = EndcapParams(*size), View(EndcapParams(*size), name)
+    place, count = view.rest_px, len(view.rest_px)
+    assert np.count_nonzero(view.points_mm[:, 2] < params.centre_height_mm) > 10
+    seen = ModelInput(SimpleNamespace(size=SIZE, reference_px=place), (16, 16), params)
+    for change_g in ([1.0, 0.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 2.0]):
+        (sag,) = view.sags([np.array(change_g)])
+        moved, watch = view.pixels(sag), OwnWeight(seen, params, silicone(name))
+        zeros = np.zeros(count, bool)
+        found = watch.motion(DotTracks(0.0, np.arange(count), place, place + moved, np.ones(count), zeros, SIZE))
+        assert watch.explains and found is not None
+        assert np.abs(found - moved).max() < 0.05 * np.abs(moved).max()
+        assert watch.left_px < 0.05 * np.hypot(*moved.T).max()
+
+
 def test_the_table_is_what_its_command_writes():
     lines = TABLE.read_text().splitlines()[1:]
     rows = [[float(value) for value in line.split(",")] for line in lines]

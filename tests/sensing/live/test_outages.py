@@ -69,10 +69,10 @@ def test_silence_is_announced_once_and_its_age_counts_beside_it(stage):
     )
     stage.process.send_signal(signal.SIGSTOP)
     try:
-        stage.tab.until(f"{STALE} && /for [3-9] s/.test($('lost').textContent)")
+        stage.tab.until(f"{STALE} && /for [3-9] s/.test($('lost').innerText)")
         assert stage.tab.value("window.said") == ["No answer from sensing.live"]
         assert stage.tab.value("$('lost_said').getAttribute('role')") == "alert"
-        assert re.fullmatch(r"No answer from sensing.live for \d+ s: .*", stage.tab.value("$('lost').textContent"))
+        assert re.fullmatch(r"No answer from sensing.live for \d+ s: .*", stage.tab.value("$('lost').innerText"))
     finally:
         stage.process.send_signal(signal.SIGCONT)
 
@@ -110,7 +110,7 @@ def test_an_outage_and_a_question_are_seen_wherever_a_phone_is_scrolled_to(stage
 def test_the_last_picture_of_a_camera_that_is_gone_has_its_age(stage):
     stage.free()
     gone = "{ ...latest.endcaps[0], status: 'unplugged', valid: false, age_ms: 12300 }"
-    look = f"(image(latest.selected, {gone}), $('image_note').textContent)"
+    look = f"(picture(latest.selected, {gone}), $('image_note').textContent)"
     note = stage.tab.until(f"{FREE} && latest.selected", look)
     assert re.fullmatch(r"\d+ of \d+ dots; no newer picture for 12 s", note)
 

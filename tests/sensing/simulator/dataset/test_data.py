@@ -36,7 +36,7 @@ def test_frames_are_their_states_turned_and_seen(small_set: Path) -> None:
     data = LabelledSet(small_set)
     frames = list(data.frames())
     assert len(frames) == 12 and [f.path for f in frames] == [0] * 6 + [1] * 6
-    assert set(frames[0].labels) == set(COLUMNS)
+    assert set(frames[0].labels) == {*COLUMNS, "outline_mm"}
     camera = MountedCamera.load(small_set / "camera.json")
     rest = np.load(small_set / "dots.npz")["dots_mm"]
     assert len(rest) == len(dot_pattern(small_request().params))

@@ -159,7 +159,7 @@ class LabelledSet:
                 "it run to its end, or give it again to complete the set"
             )
 
-    @property
+    @cached_property
     def columns(self) -> dict[str, str]:
         """What each column holds, by name: :data:`COLUMNS`, and those that this set has besides."""
         own = self.manifest.get("columns")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cad.data_table import file_name
 from cad.identity import RELEASED, Identity, differing
-from cad.lens import RELEASED_MODULE, VARIABLE, camera_module
+from cad.lens import VARIABLE, other_module
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 
@@ -35,6 +35,5 @@ def endcap_label(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:
         params: the design.
         silicone: row of cad/materials.csv.
     """
-    pairs = ((silicone, DEFAULT_SILICONE), (camera_module().name, RELEASED_MODULE))
-    other = "".join("_" + file_name(name) for name, usual in pairs if name != usual)
-    return f"{params.label}{other}"
+    names = ("" if silicone == DEFAULT_SILICONE else silicone, other_module())
+    return params.label + "".join(f"_{file_name(name)}" for name in names if name)

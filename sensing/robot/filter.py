@@ -40,6 +40,7 @@ class Filter:
     def __init__(self, layout: Layout, settings: Settings) -> None:
         self.layout, self.settings = layout, settings
         self._led = {bar: layout.led_by(bar) for bar in layout.leaders}
+        self._lead = {layout.sensor_of_bar[bar] for bar in layout.leaders}  # sensors of the bars that may lead
         self._bar_of = {name: bar for bar, name in enumerate(layout.sensor_of_bar) if name}
         self._endcap_of = {endcap.name: number for number, endcap in enumerate(layout.robot.endcaps)}
         self._walk = np.tile([settings.rate_bias_walk**2, settings.force_bias_walk**2], (layout.bars, 1))
@@ -80,8 +81,7 @@ class Filter:
 
     def measures(self, samples: Sequence[AnySample]) -> bool:
         """Whether the inertial sensor of a bar that may lead is among the samples."""
-        names = [self.layout.sensor_of_bar[bar] for bar in self.layout.leaders]
-        return any(isinstance(sample, InertialSample) and sample.sensor in names for sample in samples)
+        return any(isinstance(sample, InertialSample) and sample.sensor in self._lead for sample in samples)
 
     def _hold(self, state: State, time_s: float, samples: list[AnySample]) -> None:
         hold(state, time_s, self.layout)

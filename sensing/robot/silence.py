@@ -49,11 +49,15 @@ def leading(state: State, time_s: float, layout: Layout) -> int:
         time_s: time, s, not before the state's.
         layout: indices of the robot.
     """
-    usual_s = np.clip(2 * state.rate_over_s, SILENT_S, SLOWEST_S)  # a slow sensor is not silent between its samples
-    silent = time_s - np.minimum(state.rate_s, state.force_s) > usual_s
-    if silent[state.leader] and not state.began_moving:
-        return next((bar for bar in layout.leaders if not silent[bar]), state.leader)
-    return state.leader
+    if state.began_moving or not _silent(state, time_s, state.leader):
+        return state.leader
+    return next((bar for bar in layout.leaders if not _silent(state, time_s, bar)), state.leader)
+
+
+def _silent(state: State, time_s: float, bar: int) -> bool:
+    """Whether a bar's inertial sensor is silent; a slow one is not between its samples."""
+    usual_s = min(max(2 * float(state.rate_over_s[bar]), SILENT_S), SLOWEST_S)
+    return time_s - min(float(state.rate_s[bar]), float(state.force_s[bar])) > usual_s
 
 
 def lead(state: State, leader: int, layout: Layout) -> None:

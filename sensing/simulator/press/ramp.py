@@ -36,11 +36,14 @@ def ramp(
         ParameterError: both or neither of force and depth are given.
         Refusal: ``range`` for a force, depth or travel beyond the limits.
     """
-    if (normal_n is None) == (depth_mm is None):
+    _require_travel(geometry, shift_mm)
+    if normal_n is not None and depth_mm is None:
+        end = by_force(geometry, law, normal_n)
+    elif depth_mm is not None and normal_n is None:
+        end = by_depth(geometry, depth_mm)
+    else:
         given = "neither" if depth_mm is None else "both"
         raise ParameterError(f"normal_n and depth_mm: {given} given; give exactly one", name="depth_mm", value=depth_mm)
-    _require_travel(geometry, shift_mm)
-    end = by_force(geometry, law, normal_n) if normal_n is not None else by_depth(geometry, float(depth_mm or 0.0))
     slid = Target(end[-1].normal_n, end[-1].depth_mm, shift_mm)
     return [*end, slid] if any(shift_mm) else end
 

@@ -53,7 +53,7 @@ LOCKED = """\
 SCRIPTS = ("elements", "draw", "words", "plots", "scene", "dome", "picture", "recording", "health", "page")
 STATIC = {
     "/": ("index.html", "text/html"),
-    "/style.css": ("style.css", "text/css"),
+    **{f"/{name}.css": (f"{name}.css", "text/css") for name in ("theme", "style")},
     "/favicon.svg": ("favicon.svg", "image/svg+xml"),
     **{f"/{name}.js": (f"{name}.js", "text/javascript") for name in SCRIPTS},
 }

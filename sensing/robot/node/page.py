@@ -26,12 +26,15 @@ from sensing.robot.node.record import Report, estimate_record
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import Sample
 
-# Static files: path of the request -> (file, media type).
+OWN, SHARED = "sensing.robot.node", "sensing.live.web"  # packages of the static files
+# Static files: path of the request -> (package, file, media type).
 STATIC = {
-    "/": ("index.html", "text/html"),
-    "/robot.css": ("robot.css", "text/css"),
-    "/robot.js": ("robot.js", "text/javascript"),
-    "/scene.js": ("scene.js", "text/javascript"),
+    "/": (OWN, "index.html", "text/html"),
+    "/theme.css": (SHARED, "theme.css", "text/css"),
+    "/robot.css": (OWN, "robot.css", "text/css"),
+    "/robot.js": (OWN, "robot.js", "text/javascript"),
+    "/scene.js": (OWN, "scene.js", "text/javascript"),
+    "/favicon.svg": (SHARED, "favicon.svg", "image/svg+xml"),
 }
 STEP_S = 0.2  # s, interval of the points of path and plot
 MOST_POINTS = 3000  # ten minutes of them
@@ -137,11 +140,7 @@ class RobotPage:
         async def file(request: Request) -> Response:
             if said := refusal(request, "", ""):
                 return HTMLResponse(LOCKED.format(said), 403, HEADERS)
-            package, path = "sensing.robot.node", request.url.path
-            if path == "/favicon.svg":
-                package, name, kind = "sensing.live.web", "favicon.svg", "image/svg+xml"
-            else:
-                name, kind = STATIC[path]
+            package, name, kind = STATIC[request.url.path]
             text = importlib.resources.files(package).joinpath("static", name).read_text("utf-8")
             return Response(text, media_type=kind, headers=HEADERS)
 
@@ -152,7 +151,7 @@ class RobotPage:
             content = self.about() if request.url.path == "/about.json" else self.state()
             return Response(json.dumps(content, allow_nan=False), media_type="application/json", headers=HEADERS)
 
-        files = [Route(path, file) for path in (*STATIC, "/favicon.svg")]
+        files = [Route(path, file) for path in STATIC]
         return [*files, Route("/about.json", answer), Route("/state.json", answer)]
 
 

@@ -102,7 +102,7 @@ def test_the_page_shows_the_newest_report(page, report):
     assert np.shape(state["truth"]) == (3, 4, 4) and len(state["path"]) == len(state["drift"]) == 1
     about = json.loads(asked(page.url + "about.json")[2])
     assert [bar["name"] for bar in about["bars"]] == ["red", "green", "blue"] and len(about["cables"]) == 9
-    for name in ("", "robot.js", "robot.css", "favicon.svg"):
+    for name in ("", "robot.js", "scene.js", "theme.css", "robot.css", "favicon.svg"):
         status, headers, body = asked(page.url + name)
         assert status == 200 and body
         assert all(headers[key.lower()] == value for key, value in HEADERS.items())

@@ -105,7 +105,7 @@ def _warn(result: Dwell, flagged: Sequence[tuple[frozenset[str], str]], count: i
         names = ", ".join(sorted(frozenset.union(*(flags for flags, _ in flagged))))
         LOG.warning(
             f"sensing.dwell: warning: {len(flagged)} of {count} readings are flagged ({names}), lastly because: "
-            f"{flagged[-1][1] or 'see docs/live.md'}; repeat the test before live uses the constants"
+            f"{flagged[-1][1] or 'see docs/live_faults.md'}; repeat the test before live uses the constants"
         )
 
 

@@ -193,7 +193,7 @@ class RestWatch:
                 flagged = flagged or next(row for row in reversed(rows) if row.flags)
             least = min(least, rest.moved_n)
         if flagged is not None:
-            names, hint = ", ".join(sorted(flagged.flags)), _hint(flagged, "see docs/live.md")
+            names, hint = ", ".join(sorted(flagged.flags)), _hint(flagged, "see docs/live_faults.md")
             force_n = float(np.linalg.norm(flagged.wrench[:3]))
             raise WeighingError(f"the readings under the load, {force_n:#.3g} N, are flagged ({names}): {hint}")
         if least < float("inf"):

@@ -92,7 +92,7 @@ def test_the_page_of_the_wrench_prints_the_cells_of_the_evaluation(title):
 
 
 def test_the_faults_of_live_are_those_of_the_bench():
-    rows = page_rows("docs/live.md", "| fault | frames |")
+    rows = page_rows("docs/live_faults.md", "| fault | frames |")
     columns = ("frames", "invalid", "flagged", "unflagged", "largest_unflagged_n", "largest_after_n")
     found = table("faults")
     assert [row[0] for row in rows] == [row["fault"] for row in found]
@@ -103,16 +103,15 @@ def test_the_faults_of_live_are_those_of_the_bench():
     ]
     assert wrong(pairs) == []
     total = sum(int(row["frames"]) for row in found)
-    assert f"None of these {total:,} frames" in (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
+    assert f"None of these {total:,} frames" in (ROOT / "docs" / "live_faults.md").read_text(encoding="utf-8")
 
 
 def test_what_the_fit_of_own_weight_leaves_is_that_of_the_bench():
     """Of a sag the page had 0.14 where the program left 0.53: its table of sags ended at the equator."""
     found = table("own_weight_leaves")
-    text = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
-    least = {
-        row[0].split(",")[0]: numbers(row[1])[0] for row in page_rows("docs/live.md", "| motion | the fit of own w")
-    }
+    text = (ROOT / "docs" / "own_weight.md").read_text(encoding="utf-8")
+    rows = page_rows("docs/own_weight.md", "| motion | the fit of own w")
+    least = {row[0].split(",")[0]: numbers(row[1])[0] for row in rows}
     names = ("press", "two presses at once", "picture that shifts", "camera that turns about", "turns")
     motions = ("press", "two presses", "picture", "camera, pivoting", "camera, any mix")
     for name, motion in zip(names, motions, strict=True):

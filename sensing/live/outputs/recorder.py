@@ -32,6 +32,7 @@ from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.index_on_disk import IndexOnDisk
 from sensing.live.outputs.new_recording import create, put_on_disk, write_soon
 from sensing.live.outputs.recorded_config import METADATA, about, carried_files
+from sensing.live.outputs.recorded_topics import TOPICS
 from sensing.live.outputs.recorded_tracks import (
     NOTES,
     TRACK_TOPICS,
@@ -39,8 +40,8 @@ from sensing.live.outputs.recorded_tracks import (
     refused_message,
     tracks_message,
 )
-from sensing.live.outputs.ros.frames import Transforms
-from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, endcap_wrench, transforms
+from sensing.live.outputs.ros.frames import CamerasInUse
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, camera_info, endcap_wrench, transforms
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -48,22 +49,6 @@ CHUNK_BYTES = 1 << 20
 FLUSH_S = 1.0  # what a killed run may lose
 DIAGNOSTICS_S = 1.0
 MOST_NOTES = 100  # that wait to be written
-TOPICS: dict[str, str] = {
-    "image/compressed": ros.IMAGE,
-    "image/capture_time": ros.FLOAT64,
-    "zero": ros.IMAGE,
-    "zero_error_px": ros.FLOAT64,
-    "kept": ros.STRING,
-    "array/shear_vector": ros.ARRAY,
-    "wrench/estimate": ros.WRENCH,
-    "wrench/wrench_pred": ros.WRENCH,
-    "wrench/with_covariance": ros.ENDCAP_WRENCH,
-    "wrench/force_norm": ros.FLOAT64,
-    "contact": ros.BOOL,
-    "contact_place": ros.POSE,
-    "valid": ros.BOOL,
-    "flags": ros.STRING,
-}
 
 
 class Recorder(QueuedSink):
@@ -78,7 +63,7 @@ class Recorder(QueuedSink):
         stream: instead of a file, for tests.
         pictures: which are written.
         played: clock of the recording that the frames come from, if they do.
-        frames: of endcaps and cameras, as they are now.
+        cameras: of the readings, with their frames; None: neither is written.
 
     Attributes:
         frames: readings written.
@@ -99,7 +84,7 @@ class Recorder(QueuedSink):
         stream: BinaryIO | None = None,
         pictures: Pictures = Pictures.FULL,
         played: RecordedClock | None = None,
-        frames: Callable[[], Transforms] = dict,
+        cameras: CamerasInUse | None = None,
     ) -> None:
         super().__init__(ROOM, DIAGNOSTICS_S)
         self.path, self.pictures, self.frames, self.kept = path, pictures, 0, 0
@@ -107,7 +92,7 @@ class Recorder(QueuedSink):
         self._notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._topics = TOPICS if pictures is Pictures.FULL else TOPICS | TRACK_TOPICS
         self._config, self._restart, self._health = config, restart, health
-        self._frames, self._placed = frames, b""  # as last written
+        self._cameras, self._placed = cameras, b""  # the frames as last written
         self._old, self._begun = dict(epochs), dict.fromkeys(epochs, -1)
         self._kept: dict[str, Kept] = {}  # as last written of each endcap: a replay may begin at any frame
         self._gap = dict.fromkeys(epochs, -1)  # newest epoch of which a reading was lost
@@ -252,16 +237,23 @@ class Recorder(QueuedSink):
             data, form = ros.picture_bytes(reading.frame)
             self._add(reading, "image/compressed", ros.compressed_image(data, form, stamp, frame_id), stamp)
             self._add(reading, "array/shear_vector", ros.shear_vector(reading.field), stamp)
+            self._add_camera(reading, 1.0, stamp)
             return
         if self.pictures is Pictures.HALF and (data := half_picture(reading.frame)):
             self._add(reading, "image/compressed", ros.compressed_image(data, "jpeg", stamp, frame_id), stamp)
+            self._add_camera(reading, 0.5, stamp)
         if reading.tracks is None:
             self._add(reading, "refused", refused_message(reading), stamp)
         self._add(reading, "tracks", tracks_message(reading), stamp)
 
+    def _add_camera(self, reading: EndcapReading, scale: float, stamp: int) -> None:
+        """Write the camera of a picture, as large as the picture that is recorded."""
+        if self._cameras is not None and (camera := self._cameras.of(reading, scale)) is not None:
+            self._add(reading, "camera_info", camera_info(camera, stamp, ros.camera_frame(reading.endcap)), stamp)
+
     def _place(self, stamp: int) -> None:
         """Write the frames, where they are others than before: a reference may show another camera."""
-        children = self._frames()
+        children = {} if self._cameras is None else self._cameras.transforms()
         if children and (placed := transforms(children, 0)) != self._placed:
             self._placed = placed
             self._writer.add_message(self._channels[STATIC], stamp, transforms(children, stamp), stamp)

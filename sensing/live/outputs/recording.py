@@ -14,7 +14,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import reason_of
 from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.ros.frames import transforms_of
+from sensing.live.outputs.ros.frames import CamerasInUse
 
 if TYPE_CHECKING:
     from sensing.live.run import LiveRun
@@ -123,7 +123,7 @@ class Recording:
                 engine.health,
                 pictures=pictures,
                 played=None if playback is None else playback.timeline.clock(),
-                frames=lambda: transforms_of(list(pipelines.values())),
+                cameras=CamerasInUse(list(pipelines.values()), lambda error: None),  # the state says why there is none
             )
             recorder.start()
             engine.add_sink(recorder, str(recorder.path))

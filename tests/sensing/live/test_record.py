@@ -19,7 +19,8 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.recorder import TOPICS, Recorder
+from sensing.live.outputs.recorded_topics import TOPICS
+from sensing.live.outputs.recorder import Recorder
 from sensing.live.outputs.recording import Recording
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.playback import Playback
@@ -157,8 +158,10 @@ def test_an_independent_reader_opens_the_recording(recorded):
     assert image.format == "jpeg" and bytes(image.data[:2]) == b"\xff\xd8"
     stamp_s = image.header.stamp.sec + image.header.stamp.nanosec / 1e9
     assert abs(stamp_s - time.time()) < 600 and stamp_s == pytest.approx(message.log_time / 1e9)
-    whole = seen["/endcap_0/wrench/with_covariance"][-1][1]
-    assert whole.wrench.force.x == forces[-1] and (whole.valid, whole.state) == (True, "running")
+    wholes = [d for _, d in seen["/endcap_0/wrench/with_covariance"]]
+    assert [d.wrench.force.x for d in wholes] == forces
+    whole = [d for d in wholes if d.state == "running"][-1]  # a computer that drops frames sees steps: degraded
+    assert whole.valid
     spread = np.array(whole.covariance).reshape(6, 6)
     assert np.array_equal(spread, spread.T) and (np.linalg.eigvalsh(spread) > 0).all()
     placed = {each.child_frame_id: each.header.frame_id for each in seen["/tf_static"][-1][1].transforms}

@@ -21,7 +21,8 @@ from sensing.live.outputs import ros_types as ros
 cyclonedds = pytest.importorskip("cyclonedds")
 from sensing.live.outputs.ros import dds, messages  # noqa: E402
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id  # noqa: E402
-from sensing.live.outputs.ros.topics import ROOM, TOPICS, RosTopics, transforms_of  # noqa: E402
+from sensing.live.outputs.ros.frames import transforms_of  # noqa: E402
+from sensing.live.outputs.ros.topics import ROOM, TOPICS, RosTopics  # noqa: E402
 from sensing.live.outputs.ros.wall_clock import WallClock  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -28,11 +28,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cad.errors import EndcapError, ParameterError
+from cad.errors import ParameterError
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink, reason_of
@@ -43,9 +43,12 @@ from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
-from sensing.live.outputs.ros.frames import transforms_of
+from sensing.live.outputs.ros.frames import CamerasInUse
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.live.outputs.ros.zero_service import ZeroServices
+
+if TYPE_CHECKING:
+    from sensing.tracking.zero import Zero
 
 ROOM = 64
 BEAT_S = 0.5
@@ -88,7 +91,8 @@ class RosTopics(QueuedSink):
         self._errors: dict[str, str] = {}  # the first of each part; the other parts go on
         self._domain = domain_id(domain)
         self._clock = WallClock()
-        self._cameras: dict[str, tuple[Any, Any]] = {}  # reference, camera that it shows
+        self._cameras = CamerasInUse(pipelines, partial(self._note_error, "camera_info"))
+        self._zeros: dict[str, Zero] = {}  # references whose frames were published
         self._writers: dict[str, dict[str, Any]] = {}
         self._diagnostics: Any = None
         self._transforms: Any = None
@@ -163,31 +167,14 @@ class RosTopics(QueuedSink):
         if self._looked_at[name] and pictured:
             picture, form = ros.picture_bytes(reading.frame)
             yield IMAGE_TOPIC, ros.compressed_image(picture, form, stamp, ros.camera_frame(name))
-        camera = self._camera(reading)
-        if camera is not None:
+        if (camera := self._cameras.of(reading)) is not None:
             yield "camera_info", messages.camera_info(camera, stamp, ros.camera_frame(name))
-
-    def _camera(self, reading: EndcapReading) -> Any:
-        """The camera of a reading; a new reference may show another one, which moves its frame, too.
-
-        None for a picture of another size than the reference's, and for references of which none can be known.
-        """
-        name, (height, width) = reading.endcap, reading.zero.image.shape[:2]
-        if reading.frame.size not in (None, (width, height)):
-            return None
-        zero, camera = self._cameras.get(name, (None, None))
-        if zero is not reading.zero:
-            try:
-                camera = self._pipelines[name].camera(width, height)
-            except EndcapError as error:  # pictures that stand upright, of a method that follows no dots
-                camera = None
-                self._note_error("camera_info", error)
-            self._cameras[name] = reading.zero, camera
+        if self._zeros.get(name) is not reading.zero:
+            self._zeros[name] = reading.zero
             self._write_transforms()
-        return camera
 
     def _write_transforms(self) -> None:
-        children = transforms_of(list(self._pipelines.values()))
+        children = self._cameras.transforms()
         self._transforms.write(dds.encoded(messages.TRANSFORMS, messages.transforms(children, time.time_ns())))
 
     def _look(self) -> None:

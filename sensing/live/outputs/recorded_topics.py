@@ -1,0 +1,24 @@
+"""Topics of an endcap in a recording, with the ROS 2 types of their messages."""
+
+from __future__ import annotations
+
+from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros.messages import CAMERA_INFO
+
+TOPICS: dict[str, str] = {  # below the name of the endcap
+    "image/compressed": ros.IMAGE,
+    "image/capture_time": ros.FLOAT64,
+    "camera_info": CAMERA_INFO,
+    "zero": ros.IMAGE,
+    "zero_error_px": ros.FLOAT64,
+    "kept": ros.STRING,
+    "array/shear_vector": ros.ARRAY,
+    "wrench/estimate": ros.WRENCH,
+    "wrench/wrench_pred": ros.WRENCH,
+    "wrench/with_covariance": ros.ENDCAP_WRENCH,
+    "wrench/force_norm": ros.FLOAT64,
+    "contact": ros.BOOL,
+    "contact_place": ros.POSE,
+    "valid": ros.BOOL,
+    "flags": ros.STRING,
+}

@@ -37,6 +37,7 @@ WRENCH = ("force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm", "
 COUNTERS = ("frame_index", "episode_index", "index", "task_index")  # columns that the format prescribes
 FILE_MB, FILES_IN_CHUNK = 100, 1000  # defaults of the format
 STATS_PICTURES = 100  # number of pictures for their statistics
+QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)  # of each feature, as lerobot 0.4 writes them
 PATTERN = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"  # paths of the data files
 
 
@@ -198,10 +199,12 @@ class _Writer:
 
 
 def _spread(values: NDArray[np.float64]) -> dict[str, Any]:
+    """Statistics of each column; policies that normalise by quantiles look for ``q01`` and ``q99``."""
+    quantiles = np.quantile(values, QUANTILES, axis=0)
     return {
         "min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist(),
         "mean": values.mean(axis=0).tolist(), "std": values.std(axis=0).tolist(),
-    }  # fmt: skip
+    } | {f"q{round(100 * part):02d}": row.tolist() for part, row in zip(QUANTILES, quantiles, strict=True)}  # fmt: skip
 
 
 def _column(name: str | None, field: str, kind: str, numpy_kind: str) -> dict[str, Any]:

@@ -42,7 +42,7 @@ from sensing.live.core.feed import CameraFeed
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import ZERO_FRAMES, EndcapPipeline
 from sensing.live.demo.scene import SIZE, SceneSource, scene_film
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.run import LiveRun, reduce_pauses
 from sensing.live.web.page import PageServer
 from sensing.records import Frame

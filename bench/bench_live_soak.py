@@ -31,7 +31,7 @@ from sensing.live.demo.scene import scene_config, scene_film
 from sensing.live.ending import Stop
 from sensing.live.mcap_records import read_records
 from sensing.live.open_endcaps import open_endcaps
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.run import LiveRun, reduce_pauses
 from sensing.live.web.page import PageServer
 

@@ -16,8 +16,8 @@ from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metada
 from mcap.writer import CompressionType, Writer
 
 from sensing.live import mcap_records
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.recorded_config import METADATA
+from sensing.live.outputs.mcap.config import METADATA
+from sensing.live.outputs.ros import types as ros
 
 NASTY = (
     "9" * 400, "9" * 5000, "-1", "0", "1e400", "nan", "-inf", "true", '"²"', '""', '"\\u001b[2J"', '"\\u0000"',

@@ -16,7 +16,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.run import LiveRun
 from sensing.live.web.page import PageServer
 

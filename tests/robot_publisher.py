@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from standing_robot import standing_samples
 
-from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
+from sensing.live.outputs.ros import types as ros
 from sensing.robot.node import messages
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample

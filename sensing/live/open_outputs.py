@@ -14,7 +14,7 @@ from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun
 
 if TYPE_CHECKING:
-    from sensing.live.outputs.recording import Recording
+    from sensing.live.outputs.mcap.recording import Recording
     from sensing.live.web.page import PageServer
 
 
@@ -31,7 +31,7 @@ def add_outputs(run: LiveRun, options: argparse.Namespace, outputs: ExitStack, l
         EndcapError: an output that cannot begin.
     """
     from sensing.live.core.seen import Pictures
-    from sensing.live.outputs.recording import Recording
+    from sensing.live.outputs.mcap.recording import Recording
     from sensing.live.web.access import qr_code
 
     recording = Recording(run, Path.cwd(), Pictures(options.record_pictures))

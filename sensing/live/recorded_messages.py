@@ -19,7 +19,7 @@ from mcap.records import Message
 from sensing.decode import MOST_PIXELS, FrameError, jpeg_size, png_size
 from sensing.live.core.kept import Kept, kept_of
 from sensing.live.mcap_records import DamagedError
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.records import Frame
 from sensing.tracking.zero import Zero, single_zero
 

@@ -26,10 +26,10 @@ from sensing.live.core.reading import EndcapReading
 from sensing.live.core.seen import Pictures, SeenFrame
 from sensing.live.mcap_records import CutError, DamagedError, read_records
 from sensing.live.open_endcaps import Models, configured_models
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.recorded_config import METADATA, RecordedConfig, parsed
-from sensing.live.outputs.recorded_topics import TOPICS
-from sensing.live.outputs.recorded_tracks import ROWS, TRACK_TOPICS, refusal_of, rows_of
+from sensing.live.outputs.mcap.config import METADATA, RecordedConfig, parsed
+from sensing.live.outputs.mcap.topics import TOPICS
+from sensing.live.outputs.mcap.tracks import ROWS, TRACK_TOPICS, refusal_of, rows_of
+from sensing.live.outputs.ros import types as ros
 from sensing.live.recorded_messages import (
     kept_in,
     picture_in,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from sensing.live.outputs.ros_types import PACKAGES
+from sensing.live.outputs.ros.types import PACKAGES
 from sensing.live.package_folder import package_command
 
 DESCRIPTION = "Write the ROS 2 packages endcap_msgs and endcap_bringup, to be built with colcon."

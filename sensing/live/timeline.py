@@ -16,7 +16,7 @@ from pathlib import Path
 from mcap.records import Channel, Message
 
 from sensing.live.mcap_records import CutError, DamagedError, chunk_places, read_chunk, read_records
-from sensing.live.outputs.capture_stamps import RecordedClock
+from sensing.live.outputs.mcap.stamps import RecordedClock
 from sensing.live.recorded_messages import time_in
 
 NS = 1e-9

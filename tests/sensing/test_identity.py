@@ -21,7 +21,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config, save_config
 from sensing.live.open_endcaps import configured_models
-from sensing.live.outputs.recorded_config import about, parsed
+from sensing.live.outputs.mcap.config import about, parsed
 from sensing.recording.folder import Recording
 from sensing.records_labelled import LabelledSet
 from sensing.simulator.dataset import writer

@@ -8,8 +8,8 @@ from typing import Any
 from cad.errors import ParameterError
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.capture_stamps import CaptureStamps
+from sensing.live.outputs.mcap.stamps import CaptureStamps
+from sensing.live.outputs.ros import types as ros
 
 ROOM = 16
 

@@ -26,7 +26,7 @@ from cad.errors import EndcapError, ParameterError
 from sensing.decode import decode_bgr
 from sensing.live.core.preview import Preview
 from sensing.live.core.seen import Pictures
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.web.access import page_address, page_token
 from sensing.live.web.link import (
     DETAIL,

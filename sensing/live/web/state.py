@@ -11,7 +11,7 @@ from sensing.live.core.reading import EndcapReading, nothing, plain, rounded
 from sensing.live.core.stats import EndcapHealth
 
 if TYPE_CHECKING:
-    from sensing.live.outputs.recording import Recording
+    from sensing.live.outputs.mcap.recording import Recording
     from sensing.live.run import LiveRun
 
 ARROWS = 16  # across the field that is drawn

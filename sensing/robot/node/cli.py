@@ -16,7 +16,7 @@ from cad.messages import LOG, transient
 from sensing.arguments import number, port, whole
 from sensing.live.ending import LOST, Stop
 from sensing.live.outputs.lines import Lines
-from sensing.live.outputs.new_recording import require_new
+from sensing.live.outputs.mcap.new_file import require_new
 from sensing.robot.node.record import Report, report_text
 from sensing.robot.node.run import SILENT_S, Output, RobotSource
 from sensing.robot.node.terminal import RobotTerminal

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cad.messages import LOG
-from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.live.outputs.ros.wall_clock import WallClock
 from sensing.robot.node import messages

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.messages import (
     CONTACT_FREE,
     CONTACT_TOUCHING,

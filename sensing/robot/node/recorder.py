@@ -16,9 +16,9 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from cad.errors import FileError
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.index_on_disk import IndexOnDisk
-from sensing.live.outputs.new_recording import create
+from sensing.live.outputs.mcap.index_on_disk import IndexOnDisk
+from sensing.live.outputs.mcap.new_file import create
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS
 from sensing.live.outputs.ros.wall_clock import wall_less_monotonic_ns
 from sensing.robot.node import messages

@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Message, Metadata
 
 from cad.errors import FileError, printable
 from sensing.live.mcap_records import CutError, DamagedError, read_records
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import messages
 from sensing.robot.node.record import estimate_text

@@ -18,8 +18,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from cad.errors import ParameterError
-from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.ros import dds
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.live.outputs.ros.wall_clock import WallClock

@@ -21,8 +21,8 @@ from sensing.doctor.stream import stream_findings
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.ros_types import picture_bytes
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.ros.types import picture_bytes
 from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import Lamp, Optics, RenderSettings, Sensor

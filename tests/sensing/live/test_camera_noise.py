@@ -16,8 +16,8 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.seen import Pictures, SeenFrame
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.ros import types as ros
 from sensing.live.recorded_messages import with_error
 from sensing.live.replay import read_config, recorded_frames, verify
 from sensing.live.timeline import Timeline

@@ -13,9 +13,9 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
-from sensing.live.outputs.capture_stamps import CaptureStamps, RecordedClock
-from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.mcap.recording import Recording
+from sensing.live.outputs.mcap.stamps import CaptureStamps, RecordedClock
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config

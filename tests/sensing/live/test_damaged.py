@@ -28,7 +28,7 @@ from sensing.live.cli import main
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.mcap_records import HEAD, MAGIC, CutError, DamagedError, read_records
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 
 FRAMES = 24

@@ -27,8 +27,8 @@ from sensing.live.core.feed import CameraFeed, FileFeed, Pace
 from sensing.live.ending import FLUSH_S, Stop
 from sensing.live.mcap_records import CutError, read_records
 from sensing.live.outputs.lines import Lines
-from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.recording import OTHERS_S
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.mcap.recording import OTHERS_S
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, verify

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from live_stand_in import PATIENCE_S, a_reading
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.topics import TOPICS, RosTopics
 
 pytest.importorskip("cyclonedds")

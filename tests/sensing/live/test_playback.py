@@ -10,7 +10,7 @@ from sensing.live.cli import main
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.playback import AtEnd, Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_wrenches, verify

@@ -9,8 +9,8 @@ from live_stand_in import PATIENCE_S, film, frames, pipeline
 
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
-from sensing.live.outputs import new_recording
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap import new_file
+from sensing.live.outputs.mcap.recorder import Recorder
 
 MAGIC = b"\x89MCAP0\r\n"  # ends a whole file
 
@@ -34,7 +34,7 @@ def test_a_recording_that_has_ended_is_on_the_disk_with_its_name(tmp_path, monke
 
 
 def test_frames_are_sent_to_the_disk_with_every_flush(tmp_path, monkeypatch):
-    monkeypatch.setattr("sensing.live.outputs.recorder.FLUSH_S", 0.0)
+    monkeypatch.setattr("sensing.live.outputs.mcap.recorder.FLUSH_S", 0.0)
     path, sizes = tmp_path / "run.mcap", []
     monkeypatch.setattr(os, "posix_fadvise", lambda number, *_: sizes.append(os.fstat(number).st_size))
     recorder = recorded(path)
@@ -47,7 +47,7 @@ def test_a_disk_that_fails_at_the_end_is_named_and_one_that_cannot_wait_is_not(t
     def refuse(_):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(new_recording.os, "fsync", refuse)
+    monkeypatch.setattr(new_file.os, "fsync", refuse)
     recorder = recorded(tmp_path / "run.mcap")
     recorder.close(PATIENCE_S)
     assert recorder.failed == failed

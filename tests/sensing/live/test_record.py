@@ -18,10 +18,10 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import Engine, LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed, Pace
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.recorded_topics import TOPICS
-from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.mcap.recording import Recording
+from sensing.live.outputs.mcap.topics import TOPICS
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
@@ -237,7 +237,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.run import LiveRun
 endcaps = [LiveEndcap(CameraFeed(endless(film([0, 0.5, 1.0]))), pipeline())]

@@ -11,7 +11,7 @@ from live_stand_in import PATIENCE_S, film, frames, pipeline
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.seen import Pictures
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.outputs.ros.frames import CamerasInUse
 
 NAME = "endcap_0"

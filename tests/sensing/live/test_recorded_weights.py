@@ -7,7 +7,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.open_endcaps import configured_models
-from sensing.live.outputs.recorded_config import about, carried_files, parsed
+from sensing.live.outputs.mcap.config import about, carried_files, parsed
 
 
 def test_every_endcap_is_replayed_with_the_weights_it_had(tmp_path, monkeypatch):

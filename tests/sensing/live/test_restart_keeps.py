@@ -13,7 +13,7 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.kept import Kept, kept_of
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.seen import Pictures
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 from sensing.live.timeline import Timeline
 from sensing.wrench.relaxation import Overstress

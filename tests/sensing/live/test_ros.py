@@ -16,7 +16,7 @@ from live_stand_in import PATIENCE_S, a_reading, film, frames, pipeline, wait_fo
 
 from cad.errors import ParameterError
 from sensing.camera.mount import rotation_matrix
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 
 cyclonedds = pytest.importorskip("cyclonedds")
 from sensing.live.outputs.ros import dds, messages  # noqa: E402
@@ -32,7 +32,7 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros import dds, messages
 from sensing.live.outputs.ros.topics import TOPICS
 from sensing.live.outputs.ros.topics import _participant

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.ros_package import main
 
 

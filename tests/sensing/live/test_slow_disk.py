@@ -11,7 +11,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.replay import read_config, recorded_frames, verify
 from sensing.live.run import LiveRun
 
@@ -43,9 +43,9 @@ class Held(io.FileIO):
 
 
 def test_what_is_queued_is_written_and_every_other_frame_is_counted(press, tmp_path, monkeypatch):
-    monkeypatch.setattr("sensing.live.outputs.recorder.ROOM", ROOM)
-    monkeypatch.setattr("sensing.live.outputs.recorder.FLUSH_S", 0.0)  # the disk is asked with every frame
-    monkeypatch.setattr("sensing.live.outputs.recorder.DIAGNOSTICS_S", PATIENCE_S)  # and with nothing else
+    monkeypatch.setattr("sensing.live.outputs.mcap.recorder.ROOM", ROOM)
+    monkeypatch.setattr("sensing.live.outputs.mcap.recorder.FLUSH_S", 0.0)  # the disk is asked with every frame
+    monkeypatch.setattr("sensing.live.outputs.mcap.recorder.DIAGNOSTICS_S", PATIENCE_S)  # and with nothing else
     path, pipe, restarts = tmp_path / "held.mcap", pipeline(), []
     disk, given = Held(path), iter(frames(press * 3))
 
@@ -79,7 +79,7 @@ def test_what_is_queued_is_written_and_every_other_frame_is_counted(press, tmp_p
 
 
 def test_a_reference_taken_while_the_disk_is_behind_is_recorded_from_its_first_frame(press, tmp_path, monkeypatch):
-    monkeypatch.setattr("sensing.live.outputs.recorder.ROOM", ROOM)
+    monkeypatch.setattr("sensing.live.outputs.mcap.recorder.ROOM", ROOM)
     pipe, restarts, given = pipeline(), [], iter(frames(press * 2))
     recorder = Recorder(tmp_path / "x.mcap", config("endcap_0"), {"endcap_0": 0}, restarts.append)
     for _ in range(ROOM + 1):  # its thread has not begun: the last one is lost

@@ -274,7 +274,7 @@ def test_another_size_is_a_state_that_ends_with_it(press):
 
 
 def test_a_recording_of_faults_replays_to_the_bit(press, tmp_path):
-    from sensing.live.outputs.recorder import Recorder
+    from sensing.live.outputs.mcap.recorder import Recorder
 
     pipe = pipeline()
     faults = [broken(press[1]), black(1), noise(2), press[0][:9000]]

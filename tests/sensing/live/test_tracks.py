@@ -13,8 +13,8 @@ from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
 from sensing.live.core.seen import Pictures, SeenFrame
 from sensing.live.core.state import Event
-from sensing.live.outputs.recorder import Recorder
-from sensing.live.outputs.recording import Recording
+from sensing.live.outputs.mcap.recorder import Recorder
+from sensing.live.outputs.mcap.recording import Recording
 from sensing.live.playback import Playback
 from sensing.live.recorded_feed import replay_endcaps
 from sensing.live.replay import read_config, recorded_frames, recorded_pictures, recorded_wrenches, verify

@@ -16,7 +16,7 @@ from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import CameraFeed, FileFeed
 from sensing.live.core.state import Event
 from sensing.live.endcap import Endcap
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.sources.newest import SourceError
 
 

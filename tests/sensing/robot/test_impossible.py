@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from standing_robot import feed, standing_samples
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import messages
 from sensing.robot.node.record import estimate_text

@@ -16,7 +16,7 @@ from live_stand_in import wait_for
 from robot_publisher import CABLES, PATIENCE_S, ROBOT, Kept, Publisher, plain_wrench
 from standing_robot import standing_samples
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.topics import open_participant
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import live, messages

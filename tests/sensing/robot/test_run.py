@@ -16,8 +16,8 @@ from standing_robot import standing_samples
 
 from cad.errors import FileError
 from sensing.live.mcap_records import read_records
-from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.lines import ROOM, Lines
+from sensing.live.outputs.ros import types as ros
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import cli, messages
 from sensing.robot.node import recorder as recorder_module

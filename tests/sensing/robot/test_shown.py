@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from standing_robot import feed, standing_samples
 
 from cad.errors import ParameterError
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.web.process import HEADERS
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import messages
@@ -31,7 +31,7 @@ SUBSCRIBER = """
 import json, sys, time
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros.messages import TRANSFORMS
 from sensing.live.outputs.ros.topics import open_participant

@@ -8,7 +8,7 @@ import pytest
 from standing_robot import standing_samples
 
 from sensing.live.mcap_records import read_records
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.node import messages
 from sensing.robot.node import run as run_module

@@ -16,8 +16,8 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.endcaps_file import load_config
 from sensing.live.mcap_records import CutError, DamagedError
-from sensing.live.outputs.recorded_config import about, parsed
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.config import about, parsed
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.records import Wrench
 from sensing.weighing import robot
 from sensing.weighing.film import film_readings

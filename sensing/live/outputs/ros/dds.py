@@ -1,7 +1,7 @@
 """Any ROS 2 message type over Cyclone DDS: types, names and hashes follow from the definitions that recordings use.
 
     writer = publisher(participant, "endcap_0/valid", ros.BOOL)
-    writer.write(encoded(ros.BOOL, ros.boolean(True)))      # bytes of sensing.live.outputs.ros_types
+    writer.write(encoded(ros.BOOL, ros.boolean(True)))      # bytes of sensing.live.outputs.ros.types
 
 Sources: the mapping of ROS 2 names to DDS (``rt/`` topics, ``rq/`` and ``rr/`` of services, ``dds_`` types), REP 2016
 for the type hash (RIHS01), which Iron and later announce in the user data of each end.
@@ -12,7 +12,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 
 KEPT = 10  # ROS 2's default depth
 

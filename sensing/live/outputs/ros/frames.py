@@ -13,7 +13,7 @@ from sensing.frames import inverse
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.robot import unplaced
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 
 if TYPE_CHECKING:
     from sensing.camera.mount import MountedCamera

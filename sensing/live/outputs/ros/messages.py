@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.state import word
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 
 if TYPE_CHECKING:
     from sensing.camera.mount import MountedCamera

@@ -38,10 +38,10 @@ from sensing.live.core.reading import EndcapReading
 from sensing.live.core.sink import QueuedSink, reason_of
 from sensing.live.core.state import WITHOUT_FRAMES
 from sensing.live.core.stats import EndcapHealth
-from sensing.live.outputs import ros_types as ros
 from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.diagnosis import diagnosis
 from sensing.live.outputs.ros import dds, messages
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.environment import dds_configuration, domain_id
 from sensing.live.outputs.ros.frames import CamerasInUse
 from sensing.live.outputs.ros.wall_clock import WallClock

@@ -3,7 +3,7 @@
 Foxglove and ``ros2 bag`` open it, and ``python -m sensing.live --replay FILE`` gives the same bits again. For that the
 recording of an endcap begins with a restart of its pipeline and with its reference, and does so again wherever frames
 had to be left out (a slow disk): those until then are counted as lost. Pictures may be halved or left out: then the
-dots are recorded, from which the same bits follow (:mod:`sensing.live.outputs.recorded_tracks`). Every chunk is
+dots are recorded, from which the same bits follow (:mod:`sensing.live.outputs.mcap.tracks`). Every chunk is
 flushed: a killed run leaves a file readable up to there. Stamps are the wall time of the capture, at whatever pace a
 file is read; the exact capture time on the frames' own clock lies beside every picture.
 """
@@ -26,20 +26,20 @@ from sensing.live.core.reading import EndcapReading
 from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import QueuedSink
 from sensing.live.core.stats import EndcapHealth
-from sensing.live.outputs import ros_types as ros
-from sensing.live.outputs.capture_stamps import CaptureStamps, RecordedClock
 from sensing.live.outputs.diagnosis import diagnosis
-from sensing.live.outputs.index_on_disk import IndexOnDisk
-from sensing.live.outputs.new_recording import create, put_on_disk, write_soon
-from sensing.live.outputs.recorded_config import METADATA, about, carried_files
-from sensing.live.outputs.recorded_topics import TOPICS
-from sensing.live.outputs.recorded_tracks import (
+from sensing.live.outputs.mcap.config import METADATA, about, carried_files
+from sensing.live.outputs.mcap.index_on_disk import IndexOnDisk
+from sensing.live.outputs.mcap.new_file import create, put_on_disk, write_soon
+from sensing.live.outputs.mcap.stamps import CaptureStamps, RecordedClock
+from sensing.live.outputs.mcap.topics import TOPICS
+from sensing.live.outputs.mcap.tracks import (
     NOTES,
     TRACK_TOPICS,
     half_picture,
     refused_message,
     tracks_message,
 )
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.frames import CamerasInUse
 from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, camera_info, endcap_wrench, transforms
 from sensing.records import Frame

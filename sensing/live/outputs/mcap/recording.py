@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cad.errors import EndcapError, ParameterError
 from sensing.live.core.seen import Pictures
 from sensing.live.core.sink import reason_of
-from sensing.live.outputs.recorder import Recorder
+from sensing.live.outputs.mcap.recorder import Recorder
 from sensing.live.outputs.ros.frames import CamerasInUse
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from sensing.live.core.gate import Verdict
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.seen import SeenFrame
 from sensing.live.core.state import Event
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.records import Frame
 
 ROWS, TEXT = "std_msgs/msg/Float64MultiArray", ros.STRING

@@ -24,7 +24,7 @@ POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 STRING = "std_msgs/msg/String"
 FAULT = "fault"  # format of a picture that could not be read: its bytes say why
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-PACKAGES = Path(__file__).resolve().parent / "ros" / "packages"  # sources of the ROS packages
+PACKAGES = Path(__file__).resolve().parent / "packages"  # sources of the ROS packages
 ENDCAP_WRENCH = "endcap_msgs/msg/EndcapWrench"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sensing.live.outputs import ros_types as ros
+from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.messages import CAMERA_INFO
 
 TOPICS: dict[str, str] = {  # below the name of the endcap

@@ -1,4 +1,4 @@
-"""A set in LeRobot's format has the frame rate with which it was recorded, not that of simulated sets."""
+"""A set in LeRobot's format has the frame rate with which it was recorded, and statistics of what it holds."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sensing.learning.lerobot_dataset import RATE_HZ, frame_rate_hz, write_lerobot
+from sensing.learning.lerobot_dataset import RATE_HZ, _spread, frame_rate_hz, write_lerobot
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.set_manifest import FORMAT
 
@@ -49,3 +49,11 @@ def test_the_format_says_the_rate_and_counts_with_it(tmp_path):
     assert json.loads((tmp_path / "out" / "meta" / "info.json").read_text())["fps"] == 60
     table = parquet.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet")
     assert table["timestamp"].to_pylist() == pytest.approx((np.arange(FRAMES) / 60).tolist(), abs=1e-6)
+
+
+def test_quantiles_part_the_values_as_they_say():
+    values = np.random.default_rng(3).normal(size=(200, 2)) ** 3
+    found = _spread(values)
+    for part, name in ((0.01, "q01"), (0.1, "q10"), (0.5, "q50"), (0.9, "q90"), (0.99, "q99")):  # lerobot's names
+        below = (values <= np.array(found[name])).mean(axis=0)  # counted, not sorted
+        assert (np.abs(below - part) <= 1 / len(values)).all(), name

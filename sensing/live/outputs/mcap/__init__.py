@@ -1,0 +1,1 @@
+"""Recordings: MCAP files with ROS 2 schemas."""

@@ -56,6 +56,17 @@ def turn_variance(state: State, bar: int, settings: Settings) -> float:
     return _once(state, bar, since_s, walk) if since_s and walk else 0.0
 
 
+def velocity_variance(state: State, bar: int, layout: Layout, settings: Settings) -> float:
+    """Variance of the velocity that a bar's accelerometer gave since its last sample, an axis, m^2/s^2; 0 at a sample.
+
+    Args:
+        state: state of the filter.
+        bar: number of the bar.
+        layout, settings: indices and assumptions of the estimator.
+    """
+    return _moved(state, bar, layout, settings)[0] ** 2
+
+
 def turn_slopes(state: State, bar: int, layout: Layout) -> Array:
     """(N, 3) slopes of the error state by a turn of a bar, world axes: of the leading one, what refers to it, too.
 
@@ -105,7 +116,7 @@ def settle(state: State, bar: int, layout: Layout, settings: Settings) -> None:
     if not walk:
         return
     remains = walk * over_s * (over_s**4 - TUNED_S**4) / 120
-    places = 3 * (layout.bars + np.array(_driven(state, bar, layout)))
+    places = 3 * (layout.bars + np.array(driven(state, bar, layout)))
     for at in (places, places + 1, places + 2):
         state.covariance[at[:, None], at] += remains
 
@@ -144,7 +155,13 @@ def _walk(state: State, bar: int, change: float, noise: float) -> float:
     return 1.5 * max(0.0, change - 2 * noise**2 / over_s) / over_s
 
 
-def _driven(state: State, bar: int, layout: Layout) -> list[int]:
-    """Numbers of the bars that a bar's accelerometer moves: the leading one's moves those without, too."""
+def driven(state: State, bar: int, layout: Layout) -> list[int]:
+    """Numbers of the bars that a bar's accelerometer moves: the leading one's moves those without, too.
+
+    Args:
+        state: state of the filter.
+        bar: number of the bar.
+        layout: indices of the robot.
+    """
     without = np.flatnonzero(layout.has_force == 0).tolist() if bar == state.leader else []
     return [bar, *without]

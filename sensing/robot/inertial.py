@@ -17,7 +17,7 @@ from sensing.robot.state import SILENT_S, State
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.samples import InertialSample
 
-SLOWEST_S = 0.3  # E: longest time for which that of a slow one is
+SLOWEST_S = 0.3  # E: longest time for which the last sample of a slow sensor is used
 SLOWER = 1.2  # E: most by which one sample lengthens the usual time between samples
 CHANGES_S = 0.1  # E: time over which the changes of the rates are averaged
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensing.robot.between import rate_walk, turn_slopes, turn_variance
+from sensing.robot.between import driven, rate_walk, turn_slopes, turn_variance, velocity_variance
 from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
 from sensing.robot.friction import moments
@@ -62,15 +62,19 @@ def report_of(
 
 
 def _extrapolate(state: State, layout: Layout, settings: Settings) -> None:
-    """Add to the covariance that the bars' rates have changed since their last samples (:mod:`sensing.robot.between`).
+    """Add to the covariance that rates and accelerations have changed since the last samples.
 
-    The estimate between two samples turns each bar by its last rate; the next sample corrects that, so the filter's own
-    covariance must not contain it.
+    The estimate between two samples goes on with the last ones (:mod:`sensing.robot.between`); the next sample corrects
+    that, so the filter's own covariance must not contain it.
     """
     for bar in range(layout.bars):
         if turned := turn_variance(state, bar, settings):
             slopes = turn_slopes(state, bar, layout)
             state.covariance += turned * slopes @ slopes.T
+        if hurried := velocity_variance(state, bar, layout, settings):
+            velocities = 3 * (2 * layout.bars + np.array(driven(state, bar, layout)))
+            for at in (velocities, velocities + 1, velocities + 2):
+                state.covariance[at[:, None], at] += hurried
 
 
 def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
@@ -94,6 +98,7 @@ def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstim
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
     covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
+    covariance[6:, 6:] += _rate_variance(state, bar, settings) * across @ across.T
     return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
 
 
@@ -108,14 +113,19 @@ def _rate(state: State, bar: int) -> Array:
 
 
 def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings) -> Array:
-    """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and noise of the last sample."""
+    """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and what the last sample lacks."""
     rows = np.zeros((3, layout.size))
     rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
+    return np.asarray(rows @ state.covariance @ rows.T + _rate_variance(state, bar, settings) * np.eye(3))
+
+
+def _rate_variance(state: State, bar: int, settings: Settings) -> float:
+    """Variance of the last rate about each axis, rad^2/s^2: its noise, and that the rate has changed since."""
     noise, over_s, walked = settings.rate_noise, state.rate_over_s[bar], rate_walk(state, bar, settings)
     walked *= max(0.0, float(state.time_s - state.rate_s[bar])) + over_s / 3 if walked else 0.0
     if _fell_silent(state, bar):
         noise, over_s, walked = settings.unknown_rate_noise, SILENT_S, 0.0
-    return np.asarray(rows @ state.covariance @ rows.T + (noise**2 / over_s + walked) * np.eye(3))
+    return float(noise**2 / over_s + walked)
 
 
 def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:

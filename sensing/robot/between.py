@@ -9,7 +9,9 @@ Notes:
     - by the mean that contains t: once q t^2 (D - t)^2 / (3 D), twice q (D t^4 / 12 - 7 t^5 / 60 + t^6 / (24 D)).
 
     At t = D the mean puts turns and velocities right, so no covariance of the filter contains these errors: they count
-    as errors of what is measured at that time. Of places q D^5 / 120 remains.
+    as errors of what is measured at that time. Of places q D^5 / 120 remains. Where samples of a time M are missing
+    before one, the mean of its neighbours stands for them, whose integral has the variance q M^2 (M / 12 + D / 6): that
+    of a Brownian bridge, and of its ends, which means over D give with a variance of q D / 3.
 """
 
 from __future__ import annotations
@@ -102,23 +104,30 @@ def rate_walk(state: State, bar: int, settings: Settings) -> float:
 
 
 def settle(state: State, bar: int, layout: Layout, settings: Settings) -> None:
-    """Add what remains of the errors of places once a new sample of an accelerometer has come.
+    """Add what remains unknown once a new inertial sample has come: of places, and of samples that are missing.
 
     Args:
         state: state at the time of the sample; it is changed.
         bar: number of the bar.
         layout, settings: indices and assumptions of the estimator.
     """
-    over_s = float(state.rate_over_s[bar])
-    if over_s < 1.01 * TUNED_S:
+    over_s, missed_s = float(state.rate_over_s[bar]), float(state.missed_s[bar])
+    missing = missed_s**2 * (missed_s / 12 + over_s / 6)
+    if missed_s:
+        slopes = turn_slopes(state, bar, layout)
+        state.covariance += rate_walk(state, bar, settings) * missing * slopes @ slopes.T
+    if not layout.has_force[bar] or state.force_s[bar] != state.time_s or not (missed_s or over_s > 1.01 * TUNED_S):
         return
     walk = _walk(state, bar, float(state.force_change[bar]), settings.force_noise)
     if not walk:
         return
-    remains = walk * over_s * (over_s**4 - TUNED_S**4) / 120
-    places = 3 * (layout.bars + np.array(driven(state, bar, layout)))
+    remains = walk * over_s * max(0.0, over_s**4 - TUNED_S**4) / 120
+    places, since_s = 3 * (layout.bars + np.array(driven(state, bar, layout))), over_s + missed_s / 2
     for at in (places, places + 1, places + 2):
         state.covariance[at[:, None], at] += remains
+        if missed_s:
+            both, times = np.concatenate([at, at + 3 * layout.bars]), np.repeat([since_s, 1.0], len(at))
+            state.covariance[both[:, None], both] += walk * missing * np.outer(times, times)
 
 
 def _since_s(state: State, bar: int) -> float:
@@ -130,7 +139,7 @@ def _since_s(state: State, bar: int) -> float:
 def _once(state: State, bar: int, since_s: float, walk: float) -> float:
     """Variance of what is integrated once, of a random walk of that intensity."""
     over_s = float(state.rate_over_s[bar])
-    if state.rate_until_s[bar] > state.time_s:
+    if state.rate_until_s[bar] > state.time_s and not state.missed_s[bar]:
         return walk * since_s**2 * (over_s - since_s) ** 2 / (3 * over_s)
     return walk * since_s**2 * (since_s + over_s) / 3
 
@@ -142,7 +151,7 @@ def _moved(state: State, bar: int, layout: Layout, settings: Settings) -> tuple[
     if not (since_s and walk and layout.has_force[bar]):
         return 0.0, 0.0
     twice = over_s * since_s**4 / 12 + since_s**5 / 20
-    if state.rate_until_s[bar] > state.time_s:
+    if state.rate_until_s[bar] > state.time_s and not state.missed_s[bar]:
         twice = over_s * since_s**4 / 12 - 7 * since_s**5 / 60 + since_s**6 / (24 * over_s)
     return _once(state, bar, since_s, walk) ** 0.5, (walk * twice) ** 0.5
 

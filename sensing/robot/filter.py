@@ -116,9 +116,8 @@ class Filter:
             self._move(state, time_s, used.rate - state.rate_bias, used.force - state.force_bias, used.heard)
         state.time_s = time_s
         for sample in samples:
-            bar = self._bar_of[sample.sensor]
-            if sample.time_s == time_s == state.force_s[bar]:
-                settle(state, bar, self.layout, self.settings)
+            if sample.time_s == time_s:
+                settle(state, self._bar_of[sample.sensor], self.layout, self.settings)
 
     def _first_rate(self, state: State, bar: int) -> None:
         """Reset the bias of a gyroscope at its first sample: until then it stood for the angular velocity."""

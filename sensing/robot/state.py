@@ -41,6 +41,8 @@ class State:
         force: (B, 3) last sample, bar axes, m/s^2.
         rate_s, force_s: (B,) times of the last samples, s.
         rate_until_s: (B,) end of the time over which ``rate`` is a mean, s; it may be after the state's.
+        rate_mean: (B, 3) mean rate since the last sample until then, rad/s.
+        missed_s: (B,) part of that time whose samples are missing, s.
         usual_s: (B,) usual time between samples of the inertial sensors, s; inf where none is known.
         silent_after_s: (B,) time without a sample after which they count as silent, s.
         rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
@@ -91,6 +93,8 @@ class State:
     rate_s: Array
     force_s: Array
     rate_until_s: Array
+    rate_mean: Array
+    missed_s: Array
     usual_s: Array
     silent_after_s: Array
     rate_over_s: Array
@@ -144,7 +148,7 @@ def empty_state(layout: Layout, time_s: float) -> State:
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
         delay_s=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
-        rate_until_s=np.full(bars, never), usual_s=np.full(bars, np.inf),
+        rate_until_s=np.full(bars, never), rate_mean=of_bars(), missed_s=np.zeros(bars), usual_s=np.full(bars, np.inf),
         silent_after_s=np.full(bars, SILENT_S), rate_over_s=np.full(bars, np.inf),
         rate_change=np.zeros(bars), force_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),

@@ -47,6 +47,22 @@ def test_slow_inertial_sensors_follow_a_walk(inertial_hz):
     assert abs(slow.softness) < 0.1 and slow.health.good, slow.health.notes
 
 
+@pytest.mark.parametrize("inertial_hz", [25.0, 200.0])
+def test_a_walk_with_one_inertial_sample_in_ten_lost_is_followed(inertial_hz):
+    """The next sample counted for twice its time, as if nothing were missing: bars were off by 5 deviations."""
+    rng, estimator = np.random.default_rng(1), RobotEstimator(ROBOT)
+    stream = sensor_stream(walk(), ROBOT, SensorSet(inertial_hz=inertial_hz), seed=1)
+    samples = [one.sample for one in stream]
+    feed(estimator, [one for one in samples if not (isinstance(one, InertialSample) and rng.random() < 0.1)])
+    found, whole = estimator.state(), followed(inertial_hz)
+    assert np.linalg.norm(found.centre_of_mass_m - whole.centre_of_mass_m) < 0.02
+    turns = [a.T_world_bar[:3, :3] @ b.T_world_bar[:3, :3].T for a, b in zip(found.bars, whole.bars, strict=True)]
+    off = np.array([[turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]] for turn in turns]) / 2
+    spreads = [bar.covariance[3:6, 3:6] for bar in found.bars]
+    squares = [one @ np.linalg.solve(spread, one) for one, spread in zip(off, spreads, strict=True)]
+    assert max(squares) < 16, squares
+
+
 def test_sensors_too_slow_to_follow_are_named():
     """Of a robot that stands, too: before it walks."""
     notes = {}
@@ -159,6 +175,31 @@ def test_places_keep_what_means_of_accelerations_do_not_show():
     fast.rate_over_s[:] = TUNED_S
     settle(fast, LEADER, LAYOUT, Settings())
     assert not fast.covariance.any()
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_what_a_missing_sample_leaves_is_what_drawn_walks_leave(missing):
+    """The neighbours' mean for it: turns, velocities, and places that these moved until the sample came."""
+    rng, fine = np.random.default_rng(2), 100
+    step_s, count = OVER_S / fine, (2 + missing) * fine
+    walks = np.cumsum(np.sqrt(step_s) * rng.normal(size=(20_000, count)), axis=1)
+    old, new, lost = walks[:, :fine].mean(axis=1), walks[:, -fine:].mean(axis=1), walks[:, fine:-fine]
+    off = (lost.mean(axis=1) - (old + new) / 2) * missing * OVER_S
+    state, turn = at_sample(), LAYOUT.sensor_turn[LEADER].T
+    state.silent_after_s[:] = 0.2
+    time_s = 1.0 + (1 + missing) * OVER_S
+    used = used_over_step(state, time_s, [InertialSample(time_s, NAME, turn @ np.ones(3), turn @ np.ones(3))], LAYOUT)
+    assert used.rate[LEADER] == pytest.approx(np.full(3, (1 + missing / 2) / (1 + missing)))
+    assert used.force[LEADER] == pytest.approx(used.rate[LEADER])
+    state.time_s = time_s
+    settle(state, LEADER, LAYOUT, Settings())
+    spread, turns, velocities = state.covariance, LAYOUT.turn(LEADER), LAYOUT.velocity(LEADER)
+    assert spread[turns, turns] == pytest.approx(4.0 * off.var() * np.eye(3), rel=0.06, abs=1e-12)
+    at, without = velocities.start, at_sample()
+    assert spread[at, at] > 9.0 * 0.94 * off.var()
+    settle(without, LEADER, LAYOUT, Settings())
+    place = LAYOUT.place(LEADER).start
+    assert spread[place, place] > without.covariance[place, place] > 0
 
 
 def test_errors_of_turns_between_samples_reach_measurements_by_their_slopes():

@@ -31,7 +31,7 @@ HERE = Path(__file__).parent
 WALKS = HERE.parent / "exports" / "bench" / "robot"
 MAIN = (Terrain.FLAT, Terrain.ROUGH, Terrain.SLOPE, Terrain.LOW_FRICTION)
 CURVES: dict[str, tuple[float, ...]] = {  # knob of the sensors, or of the estimator's Settings -> its levels
-    "inertial_hz": (25, 50, 100, 200),
+    "inertial_hz": (15, 25, 50, 100, 200),
     "wrench_hz": (5, 10, 20, 30, 60),
     "wrench_delay_s": (0.0, 0.035, 0.1, 0.3),
     "wrench_noise": (0.0, 1.0, 3.0, 10.0),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from sensing.robot.between import measured_errors
 from sensing.robot.contact import Contact, contact_of
 from sensing.robot.dome import DomeCentre, count_load, difference, dome_centre, unloaded
 from sensing.robot.friction import learned, slip_probability
@@ -73,7 +74,9 @@ def _take_bit(state: State, endcap: int, contact: Contact, since: float, layout:
     state.contact_s[endcap], state.normal[endcap] = state.time_s, UP
     variance = np.full(3, settings.bit_sd_m**2)
     centre = DomeCentre(layout.endcap_lever[endcap], np.zeros(3), np.zeros((3, 3)), np.zeros(3))
-    if not state.anchored[endcap] or since > LONGEST_GAP_S:
+    fresh = not state.anchored[endcap] or since > LONGEST_GAP_S
+    variance += _between(state, endcap, centre, np.eye(3), fresh, layout, settings)
+    if fresh:
         return _begin(state, endcap, centre, variance, layout)
     at = layout.anchor(endcap)
     state.covariance[at, at] += settings.anchor_walk**2 * since * np.eye(3)
@@ -98,9 +101,11 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
     axes = axes_about(state.normal[endcap])
     stays = settings.error_stays_s / min(max(since, 1e-3), settings.error_stays_s)  # samples that share an error
     variance = stays * _variance_of_place(axes @ state.turn[bar], endcap, contact, centre, layout, settings)
+    between = _between(state, endcap, centre, axes, fresh, layout, settings)
+    single, variance = variance / stays + between, variance + between
     if not fresh:
         _loosen(state, endcap, bar, since, stays, layout, settings)
-        if jumps(state, endcap, centre, float(variance[0]) / stays, stays, layout):
+        if jumps(state, endcap, centre, float(single[0]), stays, layout):
             if state.jumped[endcap]:  # no spike: it stands elsewhere
                 release(state, endcap, layout)
                 return _take_wrench(state, endcap, contact, since, layout, settings)
@@ -112,7 +117,7 @@ def _take_wrench(state: State, endcap: int, contact: Contact, since: float, layo
         state.slips[endcap] = slip_probability(state.friction, contact.use, contact.use_sd)
         _begin(state, endcap, centre, variance, layout)
     else:
-        _slide_and_hold(state, endcap, contact, centre, variance, since, stays, layout, settings)
+        _slide_and_hold(state, endcap, contact, centre, single, variance, since, layout, settings)
     return True
 
 
@@ -129,15 +134,15 @@ def _loosen(
 
 
 def _slide_and_hold(
-    state: State, endcap: int, contact: Contact, centre: DomeCentre, variance: Array, since: float, stays: float,
-    layout: Layout, settings: Settings,
+    state: State, endcap: int, contact: Contact, centre: DomeCentre, single: Array, variance: Array,
+    since: float, layout: Layout, settings: Settings,
 ) -> None:  # fmt: skip
-    """Move an anchor by its slip and creep, and update the state by its place."""
+    """Move an anchor by its slip and creep, and update the state by its place; ``single``: its errors alone."""
     bar, axes = int(layout.endcap_bar[endcap]), axes_about(state.normal[endcap])
     at, across = layout.anchor(endcap), np.outer(state.normal[endcap], state.normal[endcap])
     known = state.known[endcap] if settings.contacts is Contacts.KNOWN else None
     if known is None:
-        slips = _slips(state, endcap, contact, centre, axes, variance / stays, since, layout, settings)
+        slips = _slips(state, endcap, contact, centre, axes, single, since, layout, settings)
         state.friction = learned(state.friction, contact.use, contact.use_sd, slips)
     else:
         slips = 0.0 if known.holds else 1.0
@@ -151,6 +156,16 @@ def _slide_and_hold(
     far = slips * since**2 * (spread + (1 - slips) * np.outer(mean, mean))
     state.covariance[at, at] += far + np.trace(far) * state.normal_variance[endcap] * across
     _hold(state, endcap, centre, axes, variance, layout)
+
+
+def _between(
+    state: State, endcap: int, centre: DomeCentre, axes: Array, fresh: bool, layout: Layout, settings: Settings
+) -> Array:
+    """(3,) variance along ``axes`` of the place of a contact because no inertial sample is of its time."""
+    if not (state.time_s > state.rate_s).any():
+        return np.zeros(3)
+    slopes = (unloaded if fresh else difference)(state, endcap, centre, layout)[1]
+    return measured_errors(state, axes @ slopes, layout, settings)
 
 
 def _variance_of_place(

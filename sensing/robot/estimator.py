@@ -123,7 +123,8 @@ class RobotEstimator:
             return None
         state, measured_s = progress.state.copy(), progress.state.time_s
         if time_s > measured_s:
-            self._filter.take(state, min(time_s, measured_s + self.settings.history_s), [])
+            end_s = min(time_s, measured_s + self.settings.history_s)
+            self._filter.take(state, end_s, [], self._coming(end_s, []))
         layout = self._filter.led(state)
         return report_of(state, measured_s, self._ignored, self.left_out(), layout, self.settings)
 
@@ -136,9 +137,14 @@ class RobotEstimator:
         if usable is None or not self._history.put(usable):
             self._ignored += 1
 
+    def _coming(self, time_s: float, samples: list[AnySample]) -> list[InertialSample]:
+        """The next samples of the inertial sensors that have none at a time."""
+        now = {sample.sensor for sample in samples if isinstance(sample, InertialSample)}
+        return self._history.coming(time_s, self._bar_of.keys() - now)
+
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
         if progress.state is not None:
-            self._filter.take(progress.state, time_s, samples)
+            self._filter.take(progress.state, time_s, samples, self._coming(time_s, samples))
             wanted = progress.state.held_s or doubtful(progress.state)
             if wanted and progress.gathered is None and self._filter.measures(samples):
                 progress.gathered = nothing_gathered(self._layout, time_s)

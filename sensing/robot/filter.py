@@ -10,14 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensing.robot import contacts
+from sensing.robot.between import measured_errors, settle
 from sensing.robot.contact import contact_of
 from sensing.robot.history import AnySample
+from sensing.robot.inertial import used_over_step
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import correct, length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import SILENT_S, hold, lead, leading, unmeasured, watch
-from sensing.robot.state import MEAN_WEIGHT, State
+from sensing.robot.silence import hold, lead, leading, unmeasured, watch
+from sensing.robot.state import MEAN_WEIGHT, SILENT_S, State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -25,7 +27,6 @@ LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
-CHANGES_S = 0.1  # E: time over which the changes of the rates are averaged
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 
 
@@ -48,21 +49,25 @@ class Filter:
         rolls = settings.contacts not in (Contacts.BIT_FIXED, Contacts.NONE)
         self._roll = np.full(layout.endcaps, int(rolls), np.int64)
 
-    def take(self, state: State, time_s: float, samples: list[AnySample]) -> None:
+    def take(
+        self, state: State, time_s: float, samples: list[AnySample], coming: Sequence[InertialSample] = ()
+    ) -> None:
         """Predict the state to a time and update it by all samples of that time.
 
         Args:
             state: state that is changed.
             time_s: time, s, not before that of the state.
             samples: inertial samples first, then lengths, then endcaps.
+            coming: the next inertial samples, of sensors that have none at that time.
         """
         lead(state, leading(state, time_s, self.layout), self.layout)
         layout = self.led(state)
         if state.held_s or unmeasured(state, time_s, layout):
             return self._hold(state, time_s, samples)
+        inertial = [*(sample for sample in samples if isinstance(sample, InertialSample)), *coming]
         if time_s - state.time_s > SILENT_S:  # one sample must not cover so long a silence
-            self.predict(state, time_s - LONGEST_STEP_S, [])
-        self.predict(state, time_s, [sample for sample in samples if isinstance(sample, InertialSample)])
+            self.predict(state, time_s - LONGEST_STEP_S, inertial)
+        self.predict(state, time_s, inertial)
         for sample in samples:
             if isinstance(sample, LengthSample):
                 self.lengths(state, sample)
@@ -95,38 +100,24 @@ class Filter:
                 state.contacts[endcap] = contact_of(sample, endcap, self.layout, self.settings)
                 state.reading_s[endcap] = time_s
 
-    def predict(self, state: State, time_s: float, samples: list[InertialSample]) -> None:
+    def predict(self, state: State, time_s: float, samples: Sequence[InertialSample]) -> None:
         """Predict step to a time.
 
         Args:
             state: state that is changed.
             time_s: time, s, not before that of the state.
-            samples: inertial samples of that time.
+            samples: the next inertial sample of each sensor, of that time or later.
         """
-        step = time_s - state.time_s
-        rate, force = state.rate.copy(), state.force.copy()
-        heard = np.stack([time_s - state.rate_s, time_s - state.force_s]) <= SILENT_S
         for sample in samples:
-            bar = self._bar_of[sample.sensor]
-            turn = self.layout.sensor_turn[bar]
-            if not np.isfinite(state.rate_s[bar]):
-                self._first_rate(state, bar)
-            new = turn @ sample.rate_rad_s
-            state.rate_over_s[bar] = time_s - state.rate_s[bar]
-            _follow_change(state, bar, new)
-            rate[bar] = _over_step(new, state.rate_used[bar], state.rate_over_s[bar], step)
-            state.rate[bar], state.rate_s[bar], heard[0, bar] = new, time_s, True
-            state.rate_used[bar] = -rate[bar] * step
-            if sample.acceleration_m_s2 is not None and self.layout.has_force[bar]:
-                new = turn @ sample.acceleration_m_s2
-                force[bar] = _over_step(new, state.force_used[bar], time_s - state.force_s[bar], step)
-                state.force[bar], state.force_s[bar], heard[1, bar] = new, time_s, True
-                state.force_used[bar] = -force[bar] * step
-        if step > 0:
-            state.rate_used += rate * step
-            state.force_used += force * step
-            self._move(state, time_s, rate - state.rate_bias, force - state.force_bias, heard)
+            if sample.time_s <= time_s and not np.isfinite(state.rate_s[self._bar_of[sample.sensor]]):
+                self._first_rate(state, self._bar_of[sample.sensor])
+        used = used_over_step(state, time_s, samples, self.layout)
+        if time_s > state.time_s:
+            self._move(state, time_s, used.rate - state.rate_bias, used.force - state.force_bias, used.heard)
         state.time_s = time_s
+        for sample in samples:
+            if sample.time_s == time_s:
+                settle(state, self._bar_of[sample.sensor], self.layout, self.settings)
 
     def _first_rate(self, state: State, bar: int) -> None:
         """Reset the bias of a gyroscope at its first sample: until then it stood for the angular velocity."""
@@ -219,11 +210,12 @@ class Filter:
         innovation = np.asarray(sample.lengths_m, float) - length
         since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
         spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
-        expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + spread
+        variance = np.full(len(length), spread) + measured_errors(state, slopes, layout, self.settings)
+        expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + variance
         off = float(np.nanmean(innovation**2 / expected))
         if off > MISFIT:  # the steps were too long for straight lines, or the first shape was wrong
             self._loosen(state)
-        variance, found = np.full(len(length), spread), np.empty(len(length))
+        found = np.empty(len(length))
         change = update_step(state.covariance, slopes, innovation, variance, LIMIT if off < MISFIT else np.inf, found)
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
@@ -239,13 +231,6 @@ class Filter:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
-
-
-def _follow_change(state: State, bar: int, rate: Array) -> None:
-    """Update the mean square of the change between a bar's rates by a new one, bar axes; not after a silence."""
-    if state.rate_over_s[bar] <= SILENT_S:
-        change, keep = rate - state.rate[bar], float(np.exp(-state.rate_over_s[bar] / CHANGES_S))
-        state.rate_change[bar] += (1 - keep) * (float(change @ change) / 3 - state.rate_change[bar])
 
 
 def _root_mean_square(rate: Array) -> float:
@@ -265,10 +250,3 @@ def apply(state: State, change: Array, leader: int) -> None:
         change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
         state.delay_s, state.creep, state.softness, leader,
     )  # fmt: skip
-
-
-def _over_step(new: Array, used: Array, gap_s: float, step_s: float) -> Array:
-    """Mean over the last step, such that the integral since the last sample is the new one (a mean over that time)."""
-    if not 0 < gap_s <= SILENT_S or not step_s > 0:
-        return new
-    return np.asarray((new * gap_s - used) / step_s)

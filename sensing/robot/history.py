@@ -7,9 +7,10 @@ queries. A late sample takes the filter back to a kept state before it.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
-from typing import Generic, Protocol, Self, TypeVar
+from collections.abc import Callable, Collection
+from typing import Generic, Protocol, Self, TypeVar, cast
 
+from sensing.robot.inertial import SLOWEST_S
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -67,12 +68,40 @@ class History(Generic[T]):
             return False
         self._keys.insert(at, key)
         self._samples.insert(at, sample)
-        while self._kept[-1][0] >= key[0]:
+        before_s = self._before(at, sample)
+        while len(self._kept) > 1 and (self._kept[-1][0] >= key[0] or self._kept[-1][0] > before_s):
             self._kept.pop()
         if key[0] > self.newest_s:
             self.newest_s = key[0]
             self._forget()
         return True
+
+    def coming(self, time_s: float, sensors: Collection[str]) -> list[InertialSample]:
+        """The first inertial sample after a time of each sensor, if it is in time to be a mean over that time.
+
+        Args:
+            time_s: the time, s.
+            sensors: names of the sensors.
+        """
+        found: dict[str, InertialSample] = {}
+        for place in range(bisect_right(self._keys, (time_s, 9, "")), len(self._keys)):
+            after_s, kind, name = self._keys[place]
+            if len(found) == len(sensors) or after_s > time_s + SLOWEST_S:
+                break
+            if kind == 0 and name in sensors and name not in found:
+                found[name] = cast(InertialSample, self._samples[place])
+        return list(found.values())
+
+    def _before(self, at: int, sample: AnySample) -> float:
+        """Time of the sample before an inertial one of the same sensor, s: states after it lacked its mean."""
+        if isinstance(sample, InertialSample):
+            for place in range(at - 1, -1, -1):
+                before_s, kind, name = self._keys[place]
+                if before_s < sample.time_s - SLOWEST_S:
+                    break
+                if kind == 0 and name == sample.sensor:
+                    return before_s
+        return sample.time_s
 
     def at(self, time_s: float) -> T:
         """The state of the last sample at or before a time; callers copy it before they change it."""

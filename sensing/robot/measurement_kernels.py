@@ -153,3 +153,56 @@ def length_slopes(turn, place, pairs, levers, leader, size):
             slopes[c, 3 * (bars + bar) + 1] += y
             slopes[c, 3 * (bars + bar) + 2] += z
     return length, slopes
+
+
+@numba.njit(**EXACTLY)
+def between_variances(
+    rows, turned, moved, has_force, place, velocity, anchor, normal, anchored, endcap_bar, radius, leader
+):  # fmt: skip
+    """(n,) variances of measurements by errors of bars that have turned and moved since their last inertial samples.
+
+    Args:
+        rows: (n, N) slopes of the measurements by the error state.
+        turned: (B,) variance of each bar's turn about an axis, rad^2.
+        moved: (B, 2) standard deviations of velocity, m/s, and place, m, by each bar's accelerometer.
+        has_force: (B,) 1 where the bar has an accelerometer; the leading one's moves the bars without, too.
+        place, velocity: (B, 3) of each bar's reference point, world, m and m/s.
+        anchor, normal: (E, 3) anchors, m, and unit normals, world.
+        anchored: (E,) 1 where the endcap has an anchor, else 0.
+        endcap_bar: (E,) bar of each endcap.
+        radius: (E,) of the spheres, m.
+        leader: number of the leading bar.
+    """
+    bars, out, slopes = len(turned), np.zeros(len(rows)), np.empty(3)
+    for i in range(len(rows)):
+        for b in range(bars):
+            if turned[b] > 0.0:
+                slopes[:] = rows[i, 3 * b : 3 * b + 3]
+                for e in range(len(anchor)):
+                    at = 3 * (5 * bars + e)
+                    if anchored[e] != 0 and endcap_bar[e] == b:
+                        _add_product(slopes, rows[i, at : at + 3], normal[e], -radius[e])
+                    if anchored[e] != 0 and b == leader:
+                        _add_product(slopes, rows[i, at : at + 3], anchor[e], 1.0)
+                if b == leader:
+                    for c in range(bars):
+                        p, v = 3 * (bars + c), 3 * (2 * bars + c)
+                        _add_product(slopes, rows[i, p : p + 3], place[c], 1.0)
+                        _add_product(slopes, rows[i, v : v + 3], velocity[c], 1.0)
+                out[i] += turned[b] * (slopes[0] ** 2 + slopes[1] ** 2 + slopes[2] ** 2)
+            for k in range(3):
+                slope = 0.0
+                for c in range(bars):
+                    if c == b or (b == leader and has_force[c] == 0):
+                        p, v = 3 * (bars + c) + k, 3 * (2 * bars + c) + k
+                        slope += moved[b, 0] * rows[i, v] + moved[b, 1] * rows[i, p]
+                out[i] += slope * slope
+    return out
+
+
+@numba.njit(**EXACTLY)
+def _add_product(out, a, b, scale):
+    """Add scale * a x b to a vector."""
+    out[0] += scale * (a[1] * b[2] - a[2] * b[1])
+    out[1] += scale * (a[2] * b[0] - a[0] * b[2])
+    out[2] += scale * (a[0] * b[1] - a[1] * b[0])

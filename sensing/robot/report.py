@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sensing.robot.between import driven, rate_walk, turn_slopes, turn_variance, velocity_variance
 from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
 from sensing.robot.friction import moments
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import point_slopes
 from sensing.robot.settings import Contacts, Settings
-from sensing.robot.silence import SILENT_S, UNSEEN_S
-from sensing.robot.state import State, world_rate
+from sensing.robot.silence import UNSEEN_S
+from sensing.robot.state import SILENT_S, State, world_rate
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import cross, minus_cross
 
@@ -22,6 +23,7 @@ WRONG_BIT = 0.02  # E: probability that the contact bit is wrong
 INCONSISTENT = 4.0  # mean squared innovation over its variance from which a note is made
 WEIGHT_OFF = 0.5  # relative error of the sum of forces against the weight from which a note is made
 SOFTNESS_OFF = 3.0  # in Settings.softness_sd; no silicone differs by more: noise of the forces is taken for it
+SLOW_S = 1 / 12  # E: s between samples of an inertial sensor from which a note is made (docs/robot_accuracy.md)
 SILENT_LENGTHS_S = 0.2  # s without lengths from which a note is made
 ASTRAY_S = 1.0  # E: s; shorter times with wrenches of no contact on the dome occur when two supports touch at once
 LOST_M_S = 1.0  # standard deviation of the velocity from which a note is made
@@ -60,33 +62,19 @@ def report_of(
 
 
 def _extrapolate(state: State, layout: Layout, settings: Settings) -> None:
-    """Add to the covariance that the bars' rates have changed since their last samples, by what is usual of late.
+    """Add to the covariance that rates and accelerations have changed since the last samples.
 
-    The estimate between two samples turns each bar by its last rate; the next sample corrects that, so the filter's own
-    covariance must not contain it. For a rate that is a random walk of intensity q, turned by its mean over D for a
-    time t, the variance is q (t^3 / 3 + D t^2 / 3).
+    The estimate between two samples goes on with the last ones (:mod:`sensing.robot.between`); the next sample corrects
+    that, so the filter's own covariance must not contain it.
     """
     for bar in range(layout.bars):
-        late_s = state.time_s - float(state.rate_s[bar])
-        if not 0 < late_s <= SILENT_S:
-            continue
-        slopes, at = np.zeros((layout.size, 3)), layout.turn(bar)
-        slopes[at] = np.eye(3)
-        if bar == state.leader:  # errors of places refer to its rotation, and do not change with it
-            for place in range(layout.bars):
-                slopes[layout.place(place)] = -minus_cross(state.place[place])
-                slopes[layout.velocity(place)] = -minus_cross(state.velocity[place])
-        over_s = float(state.rate_over_s[bar])
-        turned = _rate_walk(state, bar, settings) * late_s**2 * (late_s + over_s) / 3
-        state.covariance += turned * slopes @ slopes.T
-
-
-def _rate_walk(state: State, bar: int, settings: Settings) -> float:
-    """Intensity of a bar's rate as a random walk, rad^2/s^3: means over D differ by 2 q D / 3, and by their noise."""
-    over_s = float(state.rate_over_s[bar])
-    if not over_s <= SILENT_S:
-        return 0.0
-    return 1.5 * max(0.0, float(state.rate_change[bar]) - 2 * settings.rate_noise**2 / over_s) / over_s
+        if turned := turn_variance(state, bar, settings):
+            slopes = turn_slopes(state, bar, layout)
+            state.covariance += turned * slopes @ slopes.T
+        if hurried := velocity_variance(state, bar, layout, settings):
+            velocities = 3 * (2 * layout.bars + np.array(driven(state, bar, layout)))
+            for at in (velocities, velocities + 1, velocities + 2):
+                state.covariance[at[:, None], at] += hurried
 
 
 def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:
@@ -110,12 +98,13 @@ def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstim
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
     covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
+    covariance[6:, 6:] += _rate_variance(state, bar, settings) * across @ across.T
     return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
 
 
 def _fell_silent(state: State, bar: int) -> bool:
     """Whether a bar's gyroscope has sent samples but sends none now."""
-    return SILENT_S < state.time_s - float(state.rate_s[bar]) < np.inf
+    return bool(state.silent_after_s[bar] < state.time_s - float(state.rate_s[bar]) < np.inf)
 
 
 def _rate(state: State, bar: int) -> Array:
@@ -124,14 +113,19 @@ def _rate(state: State, bar: int) -> Array:
 
 
 def _rate_covariance(state: State, bar: int, layout: Layout, settings: Settings) -> Array:
-    """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and noise of the last sample."""
+    """(3, 3) covariance of a bar's angular velocity, world axes: rotation, bias, and what the last sample lacks."""
     rows = np.zeros((3, layout.size))
     rows[:, layout.turn(bar)], rows[:, layout.rate_bias(bar)] = minus_cross(_rate(state, bar)), -state.turn[bar]
-    noise, over_s, walked = settings.rate_noise, state.rate_over_s[bar], _rate_walk(state, bar, settings)
+    return np.asarray(rows @ state.covariance @ rows.T + _rate_variance(state, bar, settings) * np.eye(3))
+
+
+def _rate_variance(state: State, bar: int, settings: Settings) -> float:
+    """Variance of the last rate about each axis, rad^2/s^2: its noise, and that the rate has changed since."""
+    noise, over_s, walked = settings.rate_noise, state.rate_over_s[bar], rate_walk(state, bar, settings)
     walked *= max(0.0, float(state.time_s - state.rate_s[bar])) + over_s / 3 if walked else 0.0
     if _fell_silent(state, bar):
         noise, over_s, walked = settings.unknown_rate_noise, SILENT_S, 0.0
-    return np.asarray(rows @ state.covariance @ rows.T + (noise**2 / over_s + walked) * np.eye(3))
+    return float(noise**2 / over_s + walked)
 
 
 def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> EndcapEstimate:
@@ -164,17 +158,7 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
 
 
 def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings) -> Health:
-    notes = [*impossible, *_lost(state, layout)]
-    for bar, name in enumerate(layout.sensor_of_bar):
-        label = layout.robot.bars[bar].name
-        if name is None:
-            notes.append(f"bar {label} has no gyroscope: its turn comes from cables and contacts alone")
-        elif state.time_s - state.rate_s[bar] > SILENT_S:
-            notes.append(f"{name}: no sample {_since(state.time_s - state.rate_s[bar])}: bar {label} is less sure")
-    if not layout.has_force.any():
-        notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
-    elif state.time_s - state.force_s[layout.leader] > SILENT_S:
-        notes.append("accelerometer: no sample: shape and steps of the contacts only")
+    notes = [*impossible, *_lost(state, layout), *_of_inertial(state, layout)]
     if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
         notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
     for number, endcap in enumerate(layout.robot.endcaps):
@@ -201,6 +185,28 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
             "noisier than they state: heights of contacts may be off by more than their covariance says"
         )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
+
+
+def _of_inertial(state: State, layout: Layout) -> list[str]:
+    """What inertial sensors lack."""
+    notes: list[str] = []
+    silent_s = state.silent_after_s
+    for bar, name in enumerate(layout.sensor_of_bar):
+        label = layout.robot.bars[bar].name
+        if name is None:
+            notes.append(f"bar {label} has no gyroscope: its turn comes from cables and contacts alone")
+        elif state.time_s - state.rate_s[bar] > silent_s[bar]:
+            notes.append(f"{name}: no sample {_since(state.time_s - state.rate_s[bar])}: bar {label} is less sure")
+        elif SLOW_S < state.usual_s[bar] < np.inf:
+            notes.append(
+                f"{name}: {1 / state.usual_s[bar]:.0f} samples a second, too few to follow how bar {label} turns: "
+                "poses may be off by more than their covariance says: give 25 or more"
+            )
+    if not layout.has_force.any():
+        notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
+    elif state.time_s - state.force_s[layout.leader] > silent_s[layout.leader]:
+        notes.append("accelerometer: no sample: shape and steps of the contacts only")
+    return notes
 
 
 def _lost(state: State, layout: Layout) -> list[str]:

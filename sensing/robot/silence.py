@@ -18,8 +18,6 @@ from sensing.robot.state import State
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import minus_cross
 
-SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used
-SLOWEST_S = 0.3  # E: longest time for which a slow sensor leads without a sample
 HELD_AFTER_S = 1.0  # duration of a silence after which the pose is held
 GONE_S = 3.0  # E: after it a silent gyroscope is not waited for
 UNSEEN_S = 0.1  # largest time in which several gyroscopes may be silent at once
@@ -55,9 +53,8 @@ def leading(state: State, time_s: float, layout: Layout) -> int:
 
 
 def _silent(state: State, time_s: float, bar: int) -> bool:
-    """Whether a bar's inertial sensor is silent; a slow one is not between its samples."""
-    usual_s = min(max(2 * float(state.rate_over_s[bar]), SILENT_S), SLOWEST_S)
-    return time_s - min(float(state.rate_s[bar]), float(state.force_s[bar])) > usual_s
+    heard_s = min(float(state.rate_s[bar]), float(state.force_s[bar]))
+    return bool(time_s - heard_s > state.silent_after_s[bar])
 
 
 def lead(state: State, leader: int, layout: Layout) -> None:
@@ -110,7 +107,7 @@ def doubtful(state: State) -> bool:
         state: state of the filter.
     """
     heard = all(state.time_s - state.reading_s[endcap] < LONGEST_GAP_S for endcap in state.began_silent)
-    heard &= all(state.time_s - state.rate_s[bar] <= SILENT_S for bar in state.began_unmeasured)
+    heard &= all(state.time_s - state.rate_s[bar] <= state.silent_after_s[bar] for bar in state.began_unmeasured)
     lands = state.began_lifted and any(one is not None and one.known and one.touching for one in state.contacts)
     lacked = bool(state.began_silent or state.began_unmeasured)
     return state.began_moving or lands or state.unseen_s >= UNSEEN_S or (lacked and heard)
@@ -123,7 +120,7 @@ def pauses(state: State) -> bool:
         state: state of the filter.
     """
     since = state.time_s - state.rate_s
-    return bool(((since > SILENT_S) & (since < GONE_S)).any())
+    return bool(((since > state.silent_after_s) & (since < GONE_S)).any())
 
 
 def hold(state: State, time_s: float, layout: Layout) -> None:

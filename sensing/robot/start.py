@@ -19,9 +19,9 @@ import numpy as np
 
 from sensing.robot.contact import Contact
 from sensing.robot.first_shape import FirstShape
+from sensing.robot.inertial import silent_after_s, usual_s
 from sensing.robot.layout import Layout
 from sensing.robot.settings import Settings
-from sensing.robot.silence import SILENT_S
 from sensing.robot.state import State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import InertialSample, LengthSample, Sample
@@ -57,6 +57,7 @@ class Gathered:
         halves: (2, C) sums of the lengths in the first and the second half of the start.
         half_counts: (2, C) numbers of these lengths.
         heard_s: (B, 2) times of the last rates and forces; -inf without.
+        usual_s: (B,) usual time between rates, s; inf without.
         contacts: last contact of each endcap.
         reading_s: times of their readings, s.
     """
@@ -75,6 +76,7 @@ class Gathered:
     halves: Array
     half_counts: Array
     heard_s: Array
+    usual_s: Array
     contacts: dict[int, Contact] = field(default_factory=dict)
     reading_s: dict[int, float] = field(default_factory=dict)
 
@@ -99,6 +101,7 @@ def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
         tried_s, np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables),
         np.zeros(cables), np.zeros(bars), np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros(bars),
         np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf),
+        np.full(bars, np.inf),
     )  # fmt: skip
 
 
@@ -122,6 +125,7 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
         gathered.turned[bar] += weight * gathered.sums[bar]
         gathered.turned_squares[bar] += weight * float(gathered.sums[bar] @ gathered.sums[bar])
         gathered.counts[bar, 0] += weight
+        gathered.usual_s[bar] = usual_s(float(gathered.usual_s[bar]), time_s - float(gathered.heard_s[bar, 0]))
         gathered.heard_s[bar, 0] = time_s
         if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
             gathered.heard_s[bar, 1] = time_s
@@ -214,7 +218,9 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)
     state.began_lifted = not problem.contacts and not problem.silent
-    lacks = (state.time_s - gathered.heard_s[:, 0] > SILENT_S) & np.array([bool(s) for s in layout.sensor_of_bar])
+    lacks = (state.time_s - gathered.heard_s[:, 0] > state.silent_after_s) & np.array(
+        [bool(s) for s in layout.sensor_of_bar]
+    )
     state.began_unmeasured = tuple(np.flatnonzero(lacks).tolist())
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
@@ -225,6 +231,8 @@ def _heard(state: State, gathered: Gathered) -> None:
     state.rate[rates] = gathered.rate[rates] / gathered.counts[rates, :1]
     state.force[forces] = gathered.force[forces] / gathered.counts[forces, 1:]
     state.rate_s, state.force_s = gathered.heard_s.T.copy()
+    state.rate_until_s, state.usual_s = state.rate_s.copy(), gathered.usual_s.copy()
+    state.silent_after_s = np.array([silent_after_s(float(one)) for one in gathered.usual_s])
     for endcap, contact in gathered.contacts.items():
         state.contacts[endcap], state.reading_s[endcap] = contact, gathered.reading_s[endcap]
     since = np.where(np.isfinite(gathered.heard_s), state.time_s - gathered.heard_s, 0.0)

@@ -14,6 +14,7 @@ from sensing.robot.layout import Layout
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import Array
 
+SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used, unless it is a slow one
 MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
 
 
@@ -36,10 +37,17 @@ class State:
         softness: (1,) relative excess of the domes' yield over ``Settings.compliance_m_n``, or part by which forces are
             measured too small.
         delay_s: (1,) excess of all domes' delay of the yield behind the force over ``Settings.yield_delay_s``, s.
-        rate, force: (B, 3) last samples, bar axes, rad/s and m/s^2.
-        rate_s, force_s: (B,) their times, s.
+        rate: (B, 3) sample whose time contains the state's, or the last one, bar axes, rad/s.
+        force: (B, 3) last sample, bar axes, m/s^2.
+        rate_s, force_s: (B,) times of the last samples, s.
+        rate_until_s: (B,) end of the time over which ``rate`` is a mean, s; it may be after the state's.
+        rate_mean: (B, 3) mean rate since the last sample until then, rad/s.
+        missed_s: (B,) part of that time whose samples are missing, s.
+        usual_s: (B,) usual time between samples of the inertial sensors, s; inf where none is known.
+        silent_after_s: (B,) time without a sample after which they count as silent, s.
         rate_over_s: (B,) time over which the last rate is a mean, s; inf where none is known.
-        rate_change: (B,) fading mean square of the change from one rate to the next, an axis, rad^2/s^2.
+        rate_change, force_change: (B,) fading mean squares of the change from one sample to the next, an axis,
+            rad^2/s^2 and m^2/s^4.
         rate_used, force_used: (B, 3) integrals of the used values since the last samples.
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
@@ -84,8 +92,14 @@ class State:
     force: Array
     rate_s: Array
     force_s: Array
+    rate_until_s: Array
+    rate_mean: Array
+    missed_s: Array
+    usual_s: Array
+    silent_after_s: Array
     rate_over_s: Array
     rate_change: Array
+    force_change: Array
     rate_used: Array
     force_used: Array
     contact_s: Array
@@ -134,7 +148,9 @@ def empty_state(layout: Layout, time_s: float) -> State:
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),
         delay_s=np.zeros(1),
         rate=of_bars(), force=of_bars(), rate_s=np.full(bars, never), force_s=np.full(bars, never),
-        rate_over_s=np.full(bars, np.inf), rate_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
+        rate_until_s=np.full(bars, never), rate_mean=of_bars(), missed_s=np.zeros(bars), usual_s=np.full(bars, np.inf),
+        silent_after_s=np.full(bars, SILENT_S), rate_over_s=np.full(bars, np.inf),
+        rate_change=np.zeros(bars), force_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
         load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,

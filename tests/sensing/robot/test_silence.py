@@ -103,6 +103,20 @@ def test_after_a_silence_it_stands_a_while_and_begins_anew():
     assert np.sqrt(last.bars[0].covariance[3, 3]) < 0.02  # gravity says again which way is up
 
 
+def test_what_begins_anew_is_finite_between_its_first_samples():
+    """Asked before the first sample after the new start, covariances were NaN."""
+    _, samples = standing_samples(ROBOT, 5.5, rate_hz=100.0)
+    estimator, asked_anew = RobotEstimator(ROBOT), 0
+    for sample in samples:
+        if isinstance(sample, InertialSample) and 2.0 < sample.time_s < 4.0:
+            continue
+        feed(estimator, [sample])
+        found = estimator.state(at=sample.time_s + 0.002) if sample.time_s > 4.5 else None
+        asked_anew += found is not None and any("begun anew" in note for note in found.health.notes)
+        assert found is None or all(np.isfinite(bar.covariance).all() for bar in found.bars)
+    assert asked_anew > 100
+
+
 @pytest.mark.long
 def test_slow_streams_are_inside_the_covariance_or_flagged():
     _, samples = standing_samples(ROBOT, 90.0, rate_hz=10.0, every=3)

@@ -8,6 +8,7 @@ endcap, ``truth.csv`` the wrench at the endcap's origin. N, N m, s, degrees.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import hashlib
 from collections.abc import Sequence
@@ -60,6 +61,21 @@ class Film:
     folder: Path
     frames: list[Frame]
     wrench: np.ndarray
+
+
+def asked_film(description: str | None, count: int) -> int | None:
+    """Number of the one film that the command line asks for, to make it in a process of its own; None for the bench.
+
+    Args:
+        description: of the bench. count: of its films.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "film", nargs="?", type=int, choices=range(count), metavar=f"0..{count - 1}",
+        help="make only this film, which the bench then finds; films can be made in several processes",
+    )  # fmt: skip
+    number: int | None = parser.parse_args().film
+    return number
 
 
 def pressed_film(folder: Path, recipe: Recipe, targets: Sequence[Target | None], began_s: float = -1.0) -> Film:

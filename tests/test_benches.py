@@ -1,0 +1,51 @@
+"""Command lines of the benches: help runs nothing, and one study leaves the published rows of the others alone."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from test_architecture import ROOT
+
+from bench import bench_wrench
+
+PARSERS = ("ArgumentParser(", "variant_on_one_core(", "asked_film(")
+
+
+def without_parser(texts: dict[str, str]) -> list[str]:
+    """Benches that run whatever the command line says."""
+    return [name for name, text in texts.items() if not any(parser in text for parser in PARSERS)]
+
+
+def test_help_of_a_bench_does_not_run_it():
+    """``--help`` of eleven benches ran them for minutes and wrote their tables over the published ones."""
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "bench").glob("bench_*.py")}
+    assert len(texts) > 30 and without_parser(texts) == []
+    assert without_parser({"bench_nothing.py": "def main() -> None: ..."}) == ["bench_nothing.py"]
+
+
+def test_one_study_of_the_wrench_leaves_the_rows_of_the_others(tmp_path: Path):
+    """The command of docs/wrench.md for the tracker's error once left nothing but its own rows in bench/wrench.csv."""
+    table = tmp_path / "wrench.csv"
+    empty = dict.fromkeys(bench_wrench.ROWS, "")
+    bench_wrench.save(
+        [empty | {"study": "size", "name": "ridge", "force_rmse_n": 0.1}, empty | {"study": "tracking", "x": 1.0}],
+        table,
+    )
+    bench_wrench.save([empty | {"study": "tracking", "name": "centre", "x": 0.056}], table)
+    with table.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["study"], row["name"], row["force_rmse_n"], row["x"]) for row in rows] == [
+        ("size", "ridge", "0.1", ""), ("tracking", "centre", "", "0.056"),
+    ]  # fmt: skip
+    assert bench_wrench.read(table)[0]["force_rmse_n"] == 0.1
+    assert list(tmp_path.iterdir()) == [table]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["nothing"], "'nothing' is no study"), (["data", "--train", "no_such"], "no_such: no frames here yet")],
+)
+def test_what_the_bench_of_the_wrench_cannot_do_is_said_in_one_line(words, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        bench_wrench.main(words)
+    assert ended.value.code == 2 and said in capsys.readouterr().err

@@ -21,8 +21,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
+from bench.one_line import in_one_line
 from sensing.records import Image
 from sensing.tracking.methods import METHODS, field_method
 
@@ -139,6 +143,9 @@ def main() -> int:
         names = options.only.split(",")
         sets = {kind: {n: i for n, i in images.items() if n in names} for kind, images in sets.items()}
         sets = {kind: images for kind, images in sets.items() if images}
+        if not sets:
+            known = ", ".join(name for images in pictures(options.photos).values() for name in images)
+            parser.error(f"--only {options.only!r} is no picture: choose from {known}")
     rows = rows_of(run(sets, options.methods.split(","), options.patterns, options.parts))
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with options.out.open("w", newline="") as file:
@@ -152,4 +159,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

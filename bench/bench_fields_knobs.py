@@ -18,8 +18,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
+from bench.one_line import in_one_line
 from sensing.records import Frame
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField
 from sensing.tracking.methods import DotField, FieldMethod
@@ -139,6 +143,8 @@ def main() -> int:
     parser.add_argument("--knobs", default=",".join(KNOBS), help="comma-separated")
     parser.add_argument("--out", type=Path, default=HERE / "fields_knobs.csv")
     options = parser.parse_args()
+    for knob in set(options.knobs.split(",")) - set(KNOBS):
+        parser.error(f"--knobs {knob!r} is no knob: choose from {', '.join(KNOBS)}")
     cv2.setNumThreads(1)
     sequences = scenes(options.photos, options.patterns)
     rows = [row for knob in options.knobs.split(",") for row in run(knob, sequences)]
@@ -152,4 +158,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

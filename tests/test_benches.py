@@ -1,6 +1,9 @@
 """Command lines of the benches: help runs nothing, and one study leaves the published rows of the others alone."""
 
 import csv
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,3 +52,32 @@ def test_what_the_bench_of_the_wrench_cannot_do_is_said_in_one_line(words, said,
     with pytest.raises(SystemExit) as ended:
         bench_wrench.main(words)
     assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
+def run(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A bench in a process of its own, without the settings of the tests' own: as a user starts it."""
+    command = [sys.executable, str(ROOT / "bench" / f"bench_{name}.py"), *arguments]
+    clean = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, env=clean)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("floor no_such --states no_such", "no_such/manifest.json"),
+        ("similarity --designs 165x11", "'165x11'"),
+        ("live --seconds 0 --weights-paper no_such.pth", "no_such.pth"),
+    ],
+)
+def test_what_a_bench_lacks_is_said_in_one_line(words: str, said: str):
+    """A mistyped folder, design or file was a traceback; of --weights-paper after all live runs, whose rows it lost."""
+    done = run(*words.split())
+    assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_a_picture_that_is_none_leaves_the_table_of_fields(tmp_path: Path):
+    """It once wrote an empty table over the published one, and then ended in a traceback."""
+    table = tmp_path / "fields.csv"
+    table.write_text("kept\n")
+    done = run("fields", "--only", "no_such", "--out", str(table))
+    assert done.returncode == 2 and "'no_such' is no picture" in done.stderr and table.read_text() == "kept\n"

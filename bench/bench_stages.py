@@ -4,8 +4,9 @@
 
 All frames of the simulated robot, at the camera's rate, go through the pipeline of ``sensing.live`` again and again,
 with the dots and with the released method (gelslim) in turn. Both are deterministic, so a stage of a frame does the
-same work in every round: its time is the least CPU time of all rounds, and a row is the mean over the frames. ``ratio``
-is to the released pipeline's whole frame. ``decode half`` is no stage: the same JPEG to half size, which costs little
+same work in every round: its time is the least CPU time of all rounds, and a row is the mean over the frames that have
+it: ``drift`` (what has changed since the reference) is looked for in one of thirty. ``ratio`` is to the released
+pipeline's whole frame. ``decode half`` is no stage: the same JPEG to half size, which costs little
 beyond its entropy decoding, and that every reader of it has to do.
 """
 

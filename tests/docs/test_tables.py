@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from math import sqrt
-from typing import NamedTuple
 
 import pytest
+from page_tables import Rounded, Row, numbers, page_rows, table, wrong
 from test_architecture import ROOT
 
 from cad.params import EndcapParams
 from fab.led_ring.light import dome_light
 
-Row = dict[str, str]
 TILTS = ("0", "15", "25", "35", "45", "55")
 FORCES, TORQUES = ("rmse_fx_n", "rmse_fy_n"), ("rmse_tx_nm", "rmse_ty_nm", "rmse_tz_nm")
 BLOCKS = {  # title in docs/wrench.md: columns of bench/wrench_cells.csv whose rms it shows, factor, decimals
@@ -26,42 +24,6 @@ BLOCKS = {  # title in docs/wrench.md: columns of bench/wrench_cells.csv whose r
     "flagged": (("flagged",), 100, 1),
     "frames": (("frames",), 1, 0),
 }
-
-
-class Rounded(NamedTuple):
-    """A number as a page writes it, and the one that it should be."""
-
-    written: str
-    value: float
-
-    @property
-    def is_right(self) -> bool:
-        """Whether the page's number is the value to the decimals that it has; the table's own rounding counts."""
-        decimals = len(self.written.partition(".")[2])
-        return abs(float(self.written) - self.value) <= 0.501 * 10.0**-decimals + 1e-4 * abs(self.value)
-
-
-def table(name: str) -> list[Row]:
-    """Rows of a table of bench."""
-    with (ROOT / "bench" / f"{name}.csv").open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def page_rows(page: str, head: str) -> list[list[str]]:
-    """Entries of the rows under the one that begins with ``head``, of the table of a page that has it."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    lines = text[text.index(f"\n{head}") + 1 :].split("\n\n")[0].splitlines()
-    return [[entry.strip() for entry in line.strip("|").split("|")] for line in lines[2:] if line.startswith("|")]
-
-
-def numbers(text: str) -> list[str]:
-    """Every number of a text, without its sign."""
-    return re.findall(r"\d+(?:\.\d+)?", text)
-
-
-def wrong(pairs: list[Rounded]) -> list[Rounded]:
-    """Those that a page does not have right."""
-    return [pair for pair in pairs if not pair.is_right]
 
 
 def nominal_cells(tilt: str) -> list[Row]:

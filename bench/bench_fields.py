@@ -65,7 +65,9 @@ def run(sets: dict[str, dict[str, Image]], methods: list[str], patterns: int, pa
                 if file is not None:
                     file.parent.mkdir(parents=True, exist_ok=True)
                     flat = {"/".join((*key, field)): v for key, bag in bags.items() for field, v in bag.items()}
-                    np.savez_compressed(file, **flat)
+                    part = file.with_suffix(".part.npz")
+                    np.savez_compressed(part, **flat)
+                    part.replace(file)  # what was interrupted is run again
             for key, bag in bags.items():
                 collected[kind][key].append(bag)
     return {kind: {key: _together(bags) for key, bags in by_key.items()} for kind, by_key in collected.items()}

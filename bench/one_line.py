@@ -1,4 +1,4 @@
-"""Ends a bench as the toolkit's commands end: what a user can mend in one line and status 2, without a traceback."""
+"""Ends a bench as the toolkit's commands end: what a user can correct in one line and status 2, without a traceback."""
 
 from __future__ import annotations
 

@@ -3,29 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 
 import pytest
-from page_tables import Rounded, Row, numbers, page_rows, table, wrong
+from page_tables import Rounded, cell_of, numbers, page_rows, rounded, said, spread, table, wrong
 from test_architecture import ROOT
-
-
-def said(page: str, pattern: str) -> tuple[str, ...]:
-    """What the groups of a pattern are in a page, whose lines may break anywhere."""
-    found = re.search(pattern, " ".join((ROOT / page).read_text(encoding="utf-8").split()))
-    assert found is not None, f"{page} does not say {pattern}"
-    return found.groups()
-
-
-def spread(values: Iterable[float]) -> tuple[float, float]:
-    """Least and most."""
-    values = list(values)
-    return min(values), max(values)
-
-
-def rounded(written: Iterable[str], values: Iterable[float]) -> list[Rounded]:
-    """What a page writes beside what it should."""
-    return [Rounded(*pair) for pair in zip(written, values, strict=True)]
 
 
 def at_50_ms(*motions: str) -> tuple[float, float]:
@@ -134,12 +115,6 @@ def test_what_the_stages_of_a_frame_cost_is_that_of_the_bench():
     )
     pairs += rounded((between, drift), (left, float(found["drift"]["mean_ms"])))
     assert wrong(pairs) == []
-
-
-def cell_of(rows: list[Row], **named: str) -> Row:
-    """The one row that has these entries."""
-    (row,) = (row for row in rows if all(row[name] == value for name, value in named.items()))
-    return row
 
 
 def test_the_cameras_of_live_are_those_of_the_bench():

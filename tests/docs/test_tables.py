@@ -6,7 +6,7 @@ import re
 from math import sqrt
 
 import pytest
-from page_tables import Rounded, Row, numbers, page_rows, table, wrong
+from page_tables import Rounded, Row, cell_of, numbers, page_rows, rounded, said, table, wrong
 from test_architecture import ROOT
 
 from cad.params import EndcapParams
@@ -117,7 +117,14 @@ def test_what_the_filter_of_rate_effects_leaves_is_that_of_the_bench():
     for row, motion in zip(rows, ("20 N for 3 s", "5 mm for 3 s", "taps"), strict=True):
         written = [entry for cell in row[1:] for entry in numbers(cell)]
         pairs += [Rounded(entry, found[name, motion]) for entry, name in zip(written, known, strict=True)]
-    assert len(pairs) == 21 and wrong(pairs) == []
+    goals = said(
+        "docs/wrench.md", r"([\d.]+) N; ([\d.]+), ([\d.]+) and ([\d.]+) N in three rhythms .*? leaves ([\d.]+) N"
+    )
+    motions = ("20 N for 3 s", "5 mm for 3 s", "taps")
+    weighed = cell_of(table("weigh"), what="weighed", load_from_n="0.5", load_to_n="30.0")
+    again = [found["found", motion] for motion in motions] + [found["simulator's own", motions[1]]]
+    pairs += rounded(goals, [float(weighed["fz_n"]), *again])
+    assert len(pairs) == 26 and wrong(pairs) == []
 
 
 def test_weights_by_similarity_are_as_good_as_the_bench_found():

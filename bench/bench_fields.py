@@ -1,7 +1,7 @@
 """Speed against error of all field methods, with known truth: writes bench/fields.csv and bench/fields.png.
 
     python bench/bench_fields.py            # 360 sequences of six frames with the photos; 10 minutes on a quiet core
-    python bench/bench_fields.py --patterns 2 --methods dots,gelslim
+    python bench/bench_fields.py --patterns 2 --methods dots,gelslim    # a part: its table goes to build/fields.csv
     python bench/bench_fields.py --parts build/fields     # keeps each picture's result there and resumes
 
 Scenes: see field_scenes.py. Photos: ``<folder above the repository>/shared/reference/photos`` when present (``--photos
@@ -27,10 +27,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
 from bench.one_line import in_one_line
+from bench.parts import table_of
 from sensing.records import Image
 from sensing.tracking.methods import METHODS, field_method
 
-HERE = Path(__file__).resolve().parent
+PATTERNS = 20  # sequences a picture and level, of the published table
 Bags = dict[tuple[str, str], dict[str, np.ndarray]]  # (level, method) -> arrays
 MARKERS = {"clean": "o", "mild": "s", "hard": "^", "all": "*"}
 
@@ -133,11 +134,11 @@ def main() -> int:
     """Run, print, write CSV and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="folder of undeformed photos")
-    parser.add_argument("--patterns", type=int, default=20, help="sequences per picture and level (default 20)")
+    parser.add_argument("--patterns", type=int, default=PATTERNS, help="sequences per picture and level (default 20)")
     parser.add_argument("--methods", default=",".join(METHODS), help="comma-separated")
     parser.add_argument("--only", default="", help="comma-separated names of pictures; nothing else is run")
     parser.add_argument("--parts", type=Path, help="folder for the results of each picture; those found are not run")
-    parser.add_argument("--out", type=Path, default=HERE / "fields.csv")
+    parser.add_argument("--out", type=Path, help="table (bench/fields.csv of a whole run, else build/fields.csv)")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     sets = pictures(options.photos)
@@ -148,13 +149,15 @@ def main() -> int:
         if not sets:
             known = ", ".join(name for images in pictures(options.photos).values() for name in images)
             parser.error(f"--only {options.only!r} is no picture: choose from {known}")
+    whole = not options.only and (options.patterns, options.methods) == (PATTERNS, ",".join(METHODS))
+    out = options.out or table_of("fields.csv", whole)
     rows = rows_of(run(sets, options.methods.split(","), options.patterns, options.parts))
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    with options.out.open("w", newline="") as file:
+    with out.open("w", newline="") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    plot(rows, options.out.with_suffix(".png"))
+    plot(rows, out.with_suffix(".png"))
     for row in rows:
         print("  ".join(f"{key}={value}" for key, value in row.items()))
     return 0

@@ -37,6 +37,7 @@ from live_probes import IdleProbe, Viewer, clocks
 from live_table import TABLE, draw, save
 
 from bench.one_line import in_one_line
+from bench.parts import table_of
 from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.live.core.config import LiveConfig
@@ -209,12 +210,13 @@ def main() -> int:
         measure_recorded(options.seconds)
         return 0
     rows: list[dict[str, Any]] = []
-    for name, weights, method in asked_models(options.weights_paper):
+    asked, out = asked_models(options.weights_paper), table_of("live.csv", options.seconds > 0)
+    for name, weights, method in asked:
         for row in measured(name, weights, method, options.step, options.seconds):
             rows.append(row)
             print(row, flush=True)
-    save(rows)
-    draw(rows)
+    save(rows, out)
+    draw(rows, out)
     return 0
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from test_architecture import ROOT
 
-from bench import bench_wrench
+from bench import bench_wrench, parts
 
 PARSERS = ("ArgumentParser(", "variant_on_one_core(", "asked_film(")
 
@@ -81,3 +81,13 @@ def test_a_picture_that_is_none_leaves_the_table_of_fields(tmp_path: Path):
     table.write_text("kept\n")
     done = run("fields", "--only", "no_such", "--out", str(table))
     assert done.returncode == 2 and "'no_such' is no picture" in done.stderr and table.read_text() == "kept\n"
+
+
+def test_a_part_of_a_bench_leaves_the_published_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """``bench_fields.py --patterns 2``, an example of its own help, wrote fewer rows of fewer frames over all."""
+    monkeypatch.setattr(parts, "ROOT", tmp_path)
+    whole, part = (parts.table_of("fields.csv", whole) for whole in (True, False))
+    assert (whole, part) == (tmp_path / "bench" / "fields.csv", tmp_path / "build" / "fields.csv")
+    assert part.parent.is_dir()
+    texts = [(ROOT / "bench" / f"bench_{name}.py").read_text() for name in ("fields", "fields_knobs", "stages", "live")]
+    assert all("table_of(" in text for text in texts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan
 
-from page_tables import Row, cell_of, numbers, page_rows, rounded, said, spread, table, wrong
+from page_tables import Rounded, Row, cell_of, numbers, page_rows, rounded, said, spread, table, wrong
 
 SENSORS = ("other lens", "other law, turned")
 CAMERAS = {"calibrated from its rest picture": "calibrated", "the true one": "true camera", "no camera file": ""}
@@ -109,3 +109,30 @@ def test_the_simulators_rates_and_mesh_errors_are_those_of_the_bench():
     pairs += rounded(ends, [*up_to_10, 100 * float(data["error_35n"])])
     pairs += rounded(said("docs/simulator.md", r"takes (\d+) elements"), [float(default["elements"])])
     assert len(pairs) == 13 and wrong(pairs) == []
+
+
+def test_what_the_library_leaves_is_that_of_the_bench():
+    """The page had errors of a library of ten shells and another blend, while twelve had shipped for a week."""
+    found, page = table("library"), "docs/design.md"
+    nodes = [row for row in found if row["study"] == "nodes"]
+    most = max((row["nodes"] for row in nodes), key=int)
+    assert {row["nodes"] for row in found if row["study"].startswith("study") or row["study"] == "mesh"} == {
+        most,
+        str(int(most) + 1),
+    }
+    ends = said(page, r"is off by ([\d.]+) to ([\d.]+) % with five others, and by ([\d.]+) to ([\d.]+) % with eleven")
+    pairs = rounded(ends[:2], spread(float(row["surface_percent"]) for row in nodes if row["nodes"] == "5"))
+    pairs += rounded(ends[2:], spread(float(row["surface_percent"]) for row in nodes if row["nodes"] == most))
+    meshes = said(
+        page, r"are off by ([\d.]+) % on paths solved on `draft`, ([\d.]+) % on `data` and ([\d.]+) % on `fine`"
+    )
+    pairs += rounded(meshes, (float(row["force_percent"]) for row in found if row["study"] == "mesh"))
+    figures = said(
+        page,
+        r"stiffness within ([\d.]+) %, pixels per newton ([\d.]+) %, bounds ([\d.]+) %, largest strain ([\d.]+) %, .*? "
+        r"within ([\d.]+) %",
+    )
+    for written, kind in zip(figures, ("stiffness", "px_per_n", "bound", "strain", "patch"), strict=True):
+        off = [abs(float(row["off_percent"])) for row in found if row["study"].startswith(f"study: {kind}")]
+        pairs.append(Rounded(written, max(off)))
+    assert len(pairs) == 12 and wrong(pairs) == []

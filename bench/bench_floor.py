@@ -2,8 +2,8 @@
 
     W="python -m sensing.simulator data --protocol wide --azimuths 1"
     $W --seed 901 --frames 470 --out exports/floor_frames                  # judged
-    $W --seed 831 --frames 2150 --render off --workers 2 --out exports/floor_states
-    python bench/bench_floor.py exports/floor_frames --states exports/floor_states --every 3
+    for k in 1101 1102; do $W --seed $k --frames 1438 --render off --workers 2 --out exports/floor_states$k; done
+    python bench/bench_floor.py exports/floor_frames --states exports/floor_states* --every 3
 
 Around each judged frame a quadratic is fitted to the solved states near it in tilt and forces: its slopes say how the
 dots move with the plane, and what it leaves is the loading history, which no single picture shows. The tracker's error

@@ -35,6 +35,7 @@ from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE, Samples
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.similarity.labelled import (
     StateSource,
     library_source,
@@ -118,12 +119,12 @@ class Alone:
 
 
 def own_states(design: tuple[float, float], folder: Path) -> Alone:
-    """A design's own full simulation: out of the library where it is a node, else solved once."""
+    """A design's own full simulation: out of the library where it is a node, else solved once by each simulator."""
     if design in NODES:
         return Alone(solved_node(load_library(), NODES.index(design), standing=False))
-    path = folder / file_name("own", design)
+    path = folder / Origin.here().code[:12] / file_name("own", design)
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_node(solve_node(ShellRatios.of(shell_geometry(*design)).shell(), library_paths(), False), path)
     return Alone(read_node(path))
 

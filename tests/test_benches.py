@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from test_architecture import ROOT
 
-from bench import bench_wrench, parts
+from bench import bench_similarity, bench_wrench, parts
+from sensing.simulator.dataset.cluster import Origin
 
 PARSERS = ("ArgumentParser(", "variant_on_one_core(", "asked_film(")
 
@@ -91,3 +92,15 @@ def test_a_part_of_a_bench_leaves_the_published_table(tmp_path: Path, monkeypatc
     assert part.parent.is_dir()
     texts = [(ROOT / "bench" / f"bench_{name}.py").read_text() for name in ("fields", "fields_knobs", "stages", "live")]
     assert all("table_of(" in text for text in texts)
+
+
+def test_states_of_an_older_simulator_are_solved_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """They are kept in build/, where those of a simulator of weeks ago passed for today's."""
+    solved: list[Path] = []
+    monkeypatch.setattr(bench_similarity, "solve_node", lambda *_: "a node")
+    monkeypatch.setattr(bench_similarity, "save_node", lambda _, path: (solved.append(path), path.write_text("")))
+    monkeypatch.setattr(bench_similarity, "read_node", str)
+    for code in ("older", "older", "newer"):
+        monkeypatch.setattr(bench_similarity.Origin, "here", staticmethod(lambda code=code: Origin(code, "")))
+        assert bench_similarity.own_states((110.0, 11.0), tmp_path).node == str(solved[-1])
+    assert [path.parent.name for path in solved] == ["older", "newer"]

@@ -1,10 +1,10 @@
 """What a plane's contact leaves in the wrench and in the dots: constants of the place's law, slip, curvature.
 
-    PYTHONPATH=. python bench/bench_contact.py law STATES...          # sets written with --render off
-    PYTHONPATH=. python bench/bench_contact.py shells                 # what the law leaves of other shells
-    PYTHONPATH=. python bench/bench_contact.py slip STATES...         # needs torch
-    PYTHONPATH=. python bench/bench_contact.py curvature              # solves some twenty states
-    PYTHONPATH=. python bench/bench_contact.py places FRAMES...       # rendered sets, as sensing.evaluate reads them
+    python bench/bench_contact.py law STATES...          # sets written with --render off
+    python bench/bench_contact.py shells                 # what the law leaves of other shells
+    python bench/bench_contact.py slip STATES...         # needs torch
+    python bench/bench_contact.py curvature              # solves some twenty states
+    python bench/bench_contact.py places FRAMES...       # rendered sets, as sensing.evaluate reads them
 
 ``law`` fits the constants of :mod:`sensing.wrench.plane_contact` to three quarters of the paths and prints what they
 leave on the others. ``shells`` holds the law against the library of solved states, at shells that it was not fitted to.
@@ -23,6 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
 from cad.params import EndcapParams
@@ -60,6 +63,8 @@ def main() -> int:
     parser.add_argument("study", choices=("law", "shells", "slip", "curvature", "places"))
     parser.add_argument("states", type=Path, nargs="*")
     options = parser.parse_args()
+    if options.study in ("law", "slip", "places") and not options.states:
+        parser.error(f"{options.study} needs folders of states or frames: see the top of this file")
     if options.study == "curvature":
         curvature()
     elif options.study == "shells":
@@ -251,4 +256,4 @@ def curvature(tilt_deg: float = 25.0, loads_n: tuple[float, ...] = (5.0, 15.0, 3
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -31,6 +31,7 @@ import matplotlib.pyplot as plt
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.parts import table_of
 from bench.sizes import option_sizes, random_sizes
 from cad.design_arguments import design_words
 from cad.params import EndcapParams
@@ -48,6 +49,7 @@ from sensing.tracking.tracker import DotTracker
 
 HERE = Path(__file__).parent
 TABLE = HERE / "designs.csv"
+COUNT = 24  # sizes of each kind
 SEED = 2026
 COLUMNS = ("D_mm", "T_mm", "dots", "dot_mm", "dot_px", "in_view", "calibration_found", "tracker_found", "strays",
            "status", "azimuth_error_deg", "camera_error_px", "tracker_error_px")  # fmt: skip
@@ -88,20 +90,21 @@ class Scene:
 def main() -> int:
     """Measure, write the table, draw it; returns 1 where a calibration failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=24, help="sizes of each kind (24)")
+    parser.add_argument("--count", type=int, default=COUNT, help=f"sizes of each kind ({COUNT})")
     parser.add_argument("--plot", action="store_true", help="draw the table that is there")
     options = parser.parse_args()
+    path = table_of(TABLE.name, options.plot or options.count == COUNT)
     if not options.plot:
         sizes = [*random_sizes(SEED, options.count), *option_sizes(SEED + 1, options.count)]
         rows = []
         for number, size in enumerate(sizes):
             rows.append(measured(Scene.of(size.params, SEED + number)))
             print(dict(zip(COLUMNS, rows[-1], strict=True)), flush=True)
-        with TABLE.open("w", newline="") as stream:
+        with path.open("w", newline="") as stream:
             csv.writer(stream).writerows([COLUMNS, *rows])
-    with TABLE.open(newline="") as stream:
+    with path.open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    draw(table)
+    draw(table, path.with_suffix(".png"))
     failed = [row for row in table if row["status"] != "0"]
     print(f"{len(table)} designs, {len(failed)} not calibrated")
     return int(bool(failed))
@@ -163,7 +166,7 @@ def _shown(*values: float) -> list[str]:
     return [f"{value:.4g}" for value in values]
 
 
-def draw(table: list[dict[str, str]]) -> None:
+def draw(table: list[dict[str, str]], path: Path) -> None:
     """Shares found, error of the camera and of the tracker over the size of a dot in the picture."""
     figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), constrained_layout=True)
     released = np.array([row["dots"] == "1-6-10-12-16-18-20" and float(row["dot_mm"]) == 4 for row in table])
@@ -179,7 +182,7 @@ def draw(table: list[dict[str, str]]) -> None:
             axes[number].plot(size[mask], value[mask], "o", label=words, alpha=0.7)
         axes[number].set(xlabel="a dot's diameter in the picture, px", ylabel=label, ylim=(0, None))
     axes[0].legend()
-    figure.savefig(HERE / "designs.png", dpi=110)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":

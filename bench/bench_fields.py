@@ -1,7 +1,7 @@
 """Speed against error of all field methods, with known truth: writes bench/fields.csv and bench/fields.png.
 
     python bench/bench_fields.py            # 360 sequences of six frames with the photos; 10 minutes on a quiet core
-    python bench/bench_fields.py --patterns 2 --methods dots,gelslim
+    python bench/bench_fields.py --patterns 2 --methods dots,gelslim    # a part: its table goes to build/fields.csv
     python bench/bench_fields.py --parts build/fields     # keeps each picture's result there and resumes
 
 Scenes: see field_scenes.py. Photos: ``<folder above the repository>/shared/reference/photos`` when present (``--photos
@@ -21,12 +21,17 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
+from bench.one_line import in_one_line
+from bench.parts import table_of
 from sensing.records import Image
 from sensing.tracking.methods import METHODS, field_method
 
-HERE = Path(__file__).resolve().parent
+PATTERNS = 20  # sequences a picture and level, of the published table
 Bags = dict[tuple[str, str], dict[str, np.ndarray]]  # (level, method) -> arrays
 MARKERS = {"clean": "o", "mild": "s", "hard": "^", "all": "*"}
 
@@ -61,7 +66,9 @@ def run(sets: dict[str, dict[str, Image]], methods: list[str], patterns: int, pa
                 if file is not None:
                     file.parent.mkdir(parents=True, exist_ok=True)
                     flat = {"/".join((*key, field)): v for key, bag in bags.items() for field, v in bag.items()}
-                    np.savez_compressed(file, **flat)
+                    part = file.with_suffix(".part.npz")
+                    np.savez_compressed(part, **flat)
+                    part.replace(file)  # what was interrupted is run again
             for key, bag in bags.items():
                 collected[kind][key].append(bag)
     return {kind: {key: _together(bags) for key, bags in by_key.items()} for kind, by_key in collected.items()}
@@ -127,11 +134,11 @@ def main() -> int:
     """Run, print, write CSV and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="folder of undeformed photos")
-    parser.add_argument("--patterns", type=int, default=20, help="sequences per picture and level (default 20)")
+    parser.add_argument("--patterns", type=int, default=PATTERNS, help="sequences per picture and level (default 20)")
     parser.add_argument("--methods", default=",".join(METHODS), help="comma-separated")
     parser.add_argument("--only", default="", help="comma-separated names of pictures; nothing else is run")
     parser.add_argument("--parts", type=Path, help="folder for the results of each picture; those found are not run")
-    parser.add_argument("--out", type=Path, default=HERE / "fields.csv")
+    parser.add_argument("--out", type=Path, help="table (bench/fields.csv of a whole run, else build/fields.csv)")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     sets = pictures(options.photos)
@@ -139,17 +146,22 @@ def main() -> int:
         names = options.only.split(",")
         sets = {kind: {n: i for n, i in images.items() if n in names} for kind, images in sets.items()}
         sets = {kind: images for kind, images in sets.items() if images}
+        if not sets:
+            known = ", ".join(name for images in pictures(options.photos).values() for name in images)
+            parser.error(f"--only {options.only!r} is no picture: choose from {known}")
+    whole = not options.only and (options.patterns, options.methods) == (PATTERNS, ",".join(METHODS))
+    out = options.out or table_of("fields.csv", whole)
     rows = rows_of(run(sets, options.methods.split(","), options.patterns, options.parts))
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    with options.out.open("w", newline="") as file:
+    with out.open("w", newline="") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    plot(rows, options.out.with_suffix(".png"))
+    plot(rows, out.with_suffix(".png"))
     for row in rows:
         print("  ".join(f"{key}={value}" for key, value in row.items()))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -18,14 +18,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures, ready, reference_of, sequence, summary
 
+from bench.one_line import in_one_line
+from bench.parts import table_of
 from sensing.records import Frame
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField
 from sensing.tracking.methods import DotField, FieldMethod
 from sensing.tracking.tracker import TrackerConfig
 
-HERE = Path(__file__).resolve().parent
+PATTERNS = 5  # sequences a picture and level, of the published table
 SHAPE = (30, 30)
 DOT_KNOBS: dict[str, tuple[float, ...]] = {
     "short_side_px": (100, 200, 480),
@@ -135,21 +140,25 @@ def main() -> int:
     """Run, print, write CSV and plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="folder of undeformed photos")
-    parser.add_argument("--patterns", type=int, default=5, help="sequences per picture and level (default 5)")
+    parser.add_argument("--patterns", type=int, default=PATTERNS, help="sequences per picture and level (default 5)")
     parser.add_argument("--knobs", default=",".join(KNOBS), help="comma-separated")
-    parser.add_argument("--out", type=Path, default=HERE / "fields_knobs.csv")
+    parser.add_argument("--out", type=Path, help="table (bench/fields_knobs.csv of a whole run, else one in build/)")
     options = parser.parse_args()
+    for knob in set(options.knobs.split(",")) - set(KNOBS):
+        parser.error(f"--knobs {knob!r} is no knob: choose from {', '.join(KNOBS)}")
+    whole = (options.patterns, options.knobs) == (PATTERNS, ",".join(KNOBS))
+    out = options.out or table_of("fields_knobs.csv", whole)
     cv2.setNumThreads(1)
     sequences = scenes(options.photos, options.patterns)
     rows = [row for knob in options.knobs.split(",") for row in run(knob, sequences)]
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    with options.out.open("w", newline="") as file:
+    with out.open("w", newline="") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    plot(rows, options.out.with_suffix(".png"))
+    plot(rows, out.with_suffix(".png"))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -10,6 +10,7 @@ errors (1 where the covariance is honest), root mean square error, N.
 
 from __future__ import annotations
 
+import argparse
 import csv
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ SHOWN = ("rest", "ramps", "circle under 0.5 Hz", "circle 0.5 to 2 Hz", "circle 2
 
 def main() -> None:
     """Measure, print, write."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = [*onsets(200), *intervals(range(340, 352))]
     with (HERE / "filter.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")

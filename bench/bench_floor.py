@@ -2,8 +2,8 @@
 
     W="python -m sensing.simulator data --protocol wide --azimuths 1"
     $W --seed 901 --frames 470 --out exports/floor_frames                  # judged
-    $W --seed 831 --frames 2150 --render off --workers 2 --out exports/floor_states
-    PYTHONPATH=. python bench/bench_floor.py exports/floor_frames --states exports/floor_states --every 3
+    for k in 1101 1102; do $W --seed $k --frames 1438 --render off --workers 2 --out exports/floor_states$k; done
+    python bench/bench_floor.py exports/floor_frames --states exports/floor_states* --every 3
 
 Around each judged frame a quadratic is fitted to the solved states near it in tilt and forces: its slopes say how the
 dots move with the plane, and what it leaves is the loading history, which no single picture shows. The tracker's error
@@ -25,7 +25,10 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from bench.floor_plot import plot
+from bench.one_line import in_one_line
 from bench.tracker_noise import Noise, measured_noise
 from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
@@ -286,4 +289,4 @@ def table(answers: LiveAnswers, bounds: dict[str, Array]) -> list[dict[str, Any]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -2,9 +2,9 @@
 
     sudo apt-get install calculix-ccx
     python -m pip install --target exports/blender bpy==4.2.0        # 500 MB, GPL: for this bench alone
-    PYTHONPATH=. python bench/bench_foreign.py --blender exports/blender
-    PYTHONPATH=. python bench/bench_foreign.py --forces              # whose force is right; needs no bpy
-    PYTHONPATH=. python bench/bench_foreign.py --our-forces          # the rows of it that are ours; needs no ccx
+    python bench/bench_foreign.py --blender exports/blender
+    python bench/bench_foreign.py --forces              # whose force is right; needs no bpy
+    python bench/bench_foreign.py --our-forces          # the rows of it that are ours; needs no ccx
 
 Solves two paths of the plane and renders them as two sensors see them: one with another lens, one whose camera is
 turned and shifted, too, with another lens law and shiny ink (half an hour of one core; what is there is kept). Then
@@ -25,11 +25,14 @@ from typing import Any
 import cv2
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from bench.foreign.forces import force_rows, our_rows
 from bench.foreign.ink import Hand
 from bench.foreign.links import Link, links, our_states
 from bench.foreign.solved import DESIGN, PATHS, solved
 from bench.foreign.world import Look, write_set
+from bench.one_line import in_one_line
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import found_camera
 from sensing.live.core.model import load_model
@@ -172,4 +175,4 @@ def _errors(row: dict[str, Any], answers: LiveAnswers) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -29,10 +29,15 @@ from typing import Any
 
 import cv2
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from live_plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
 from live_probes import IdleProbe, Viewer, clocks
 from live_table import TABLE, draw, save
 
+from bench.one_line import in_one_line
+from bench.parts import table_of
 from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.live.core.config import LiveConfig
@@ -205,12 +210,13 @@ def main() -> int:
         measure_recorded(options.seconds)
         return 0
     rows: list[dict[str, Any]] = []
-    for name, weights, method in asked_models(options.weights_paper):
+    asked, out = asked_models(options.weights_paper), table_of("live.csv", options.seconds > 0)
+    for name, weights, method in asked:
         for row in measured(name, weights, method, options.step, options.seconds):
             rows.append(row)
             print(row, flush=True)
-    save(rows)
-    draw(rows)
+    save(rows, out)
+    draw(rows, out)
     return 0
 
 
@@ -223,6 +229,7 @@ def asked_models(weights_paper: Path | None) -> list[tuple[str, Path | None, str
     except FileError as error:
         print(f"rows of the default model are left out: {error}", file=sys.stderr)
     if weights_paper is not None:
+        load_model("paper", EndcapParams(130, 8), weights_paper)  # a wrong file ends the bench now, not after its hours
         asked += [("paper", weights_paper, m) for m in ("gelslim", "dots")]
     return asked
 
@@ -262,4 +269,4 @@ def measure_recorded(seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

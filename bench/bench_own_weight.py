@@ -12,6 +12,7 @@ own_weight_leaves.csv   share of a motion that the fit of own weight leaves: of 
 
 from __future__ import annotations
 
+import argparse
 import csv
 import os
 import sys
@@ -69,6 +70,7 @@ AZIMUTHS_DEG = (0.0, 37.0, 90.0)
 
 def main() -> int:
     """Writes the tables and prints them."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     model = _model(SHIPPED)
     sags = {pose: own_weight_displacement(model, silicone(SHIPPED[2]).density_g_cm3, g) for pose, g in POSES.items()}
     _write("own_weight.csv", _turns(model, sags))

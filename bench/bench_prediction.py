@@ -8,6 +8,7 @@ vector in N: the last filtered value held, the filter's rate taken as it is, and
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 from collections.abc import Callable
@@ -172,6 +173,7 @@ def plot(rows: list[dict[str, object]]) -> None:
 
 def main() -> None:
     """Run everything and write table and plot."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = table(SEEDS, RATES_HZ, DELAYS_S)
     with (HERE / "prediction.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, rows[0], lineterminator="\n")

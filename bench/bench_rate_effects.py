@@ -8,6 +8,7 @@ the displacement.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import sys
 import time
@@ -106,6 +107,7 @@ def step_error(path: LoadPath) -> float:
 
 def main() -> None:
     """Run the motions and write table and plot."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     tools = {on: simulator("data", on) for on in (False, True)}
     hit = load_path("dynamic", SEED, 2, 1)
     for on in (False, True):  # compile

@@ -10,14 +10,13 @@ with the simulator's own constants is the network's and the tracker's error.
 from __future__ import annotations
 
 import csv
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from pressed_films import Film, Recipe, pressed_film
+from pressed_films import Film, Recipe, asked_film, pressed_film
 
 from cad.materials import silicone
 from sensing.live.core.endcap_config import EndcapConfig
@@ -129,8 +128,9 @@ def scaled(terms: Sequence[Term], strength: float = 1.0, tau: float = 1.0) -> li
 
 def main() -> None:
     """Identify, test, write; a number makes one film only."""
-    if len(sys.argv) > 1:
-        print(film(list(MOTIONS)[int(sys.argv[1])]).folder)
+    number = asked_film(__doc__, len(MOTIONS))
+    if number is not None:
+        print(film(list(MOTIONS)[number]).folder)
         return
     endcap = EndcapConfig("relaxing", "0")
     found, _ = answers(endcap, film("dead weight"))

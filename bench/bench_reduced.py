@@ -7,6 +7,7 @@ a minute, the path on level 2 another, every setting seconds.)
 
 from __future__ import annotations
 
+import argparse
 import csv
 import sys
 from dataclasses import replace
@@ -30,6 +31,7 @@ CUBATURE = (5e-2, 1e-2, 2e-3)
 
 def main() -> None:
     """Train once, judge every setting, write table and plot."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     model = shell_model(shell_geometry(130, 8), silicone().neo_hooke(), "data", half=True)
     tilted = Indenter(30.0)
     states = training_states(FrozenPress(Press(model, tilted, FRICTION)), STATES)

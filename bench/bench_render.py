@@ -9,6 +9,7 @@ the rendered dots against it (px). The last rows give the whole frame (noise, sh
 
 from __future__ import annotations
 
+import argparse
 import csv
 import platform
 import time
@@ -85,6 +86,7 @@ def cases(base: RenderSettings) -> list[tuple[str, str, RenderSettings]]:
 
 def main() -> None:
     """Run the studies and write table and picture."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     cv2.setNumThreads(1)
     base = RenderSettings(seed=5, paint=PAINT)
     reference, _, renderer = light_and_time(base.at_level("reference"), 1)

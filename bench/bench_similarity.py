@@ -25,12 +25,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
+from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.design.weights import DesignRequest, design_weights
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.samples import MARKERS, SHAPE, Samples
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.similarity.labelled import (
     StateSource,
     library_source,
@@ -40,7 +45,7 @@ from sensing.simulator.similarity.labelled import (
 )
 from sensing.simulator.similarity.library import Library, ShellStates, load_library, solved_node
 from sensing.simulator.similarity.node import SolvedNode, read_node, save_node
-from sensing.simulator.similarity.nodes import NODES, file_name
+from sensing.simulator.similarity.nodes import NODES, Design, file_name
 from sensing.simulator.similarity.paths import library_paths, touching_steps
 from sensing.simulator.similarity.ratios import ShellRatios
 from sensing.simulator.similarity.solve import solve_node
@@ -114,12 +119,12 @@ class Alone:
 
 
 def own_states(design: tuple[float, float], folder: Path) -> Alone:
-    """A design's own full simulation: out of the library where it is a node, else solved once."""
+    """A design's own full simulation: out of the library where it is a node, else solved once by each simulator."""
     if design in NODES:
         return Alone(solved_node(load_library(), NODES.index(design), standing=False))
-    path = folder / file_name("own", design)
+    path = folder / Origin.here().code[:12] / file_name("own", design)
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_node(solve_node(ShellRatios.of(shell_geometry(*design)).shell(), library_paths(), False), path)
     return Alone(read_node(path))
 
@@ -196,14 +201,30 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--nodes", type=Path, default=Path("build/similarity"), help="folder of the solved nodes")
     parser.add_argument("--epochs", type=int, default=FitConfig().epochs)
     options = parser.parse_args(arguments)
-    for word in options.designs:
-        design = tuple(float(number) for number in word.split("/"))
+    for design in [design_of(word) for word in options.designs]:
         print(f"D={design[0]:g} T={design[1]:g} in {options.silicone}", flush=True)
         row = compare(design, options.silicone, options.nodes, FitConfig(epochs=options.epochs), options.folds)
         _add(row)
         print({name: round(v, 4) if isinstance(v, float) else v for name, v in row.items()}, flush=True)
     _plot()
     return 0
+
+
+def design_of(word: str) -> Design:
+    """Diameter and wall of a word such as 165/11, mm.
+
+    Args:
+        word: of the command line.
+
+    Raises:
+        ParameterError: it is no such word, or lies outside the valid region.
+    """
+    try:
+        diameter, wall = (float(number) for number in word.split("/"))
+    except ValueError:
+        raise ParameterError(f"designs={word!r}: give D/T in mm, such as 165/11", name="designs", value=word) from None
+    params = EndcapParams(diameter, wall)
+    return params.diameter_mm, params.wall_mm
 
 
 def _add(row: dict[str, float | str]) -> None:
@@ -245,4 +266,4 @@ def _line(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

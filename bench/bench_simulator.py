@@ -8,6 +8,7 @@ verification report judges it). Minutes.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import sys
 import time
@@ -147,6 +148,7 @@ def level_row(name: str, seconds: float, markers: list, best: list, exact: list[
 
 def main() -> None:
     """Run the curves and write table and plot."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = mesh_rows() + penalty_rows() + factor_rows() + level_rows()
     columns = list(dict.fromkeys(name for line in rows for name in line))
     with (HERE / "simulator.csv").open("w", newline="") as stream:

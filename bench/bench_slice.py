@@ -10,6 +10,7 @@ tolerance of the plain zone's mesh; density asked of the slicer.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import resource
 import sys
@@ -42,6 +43,7 @@ GROWN = {"explicit": 0.0, "explicit, grown": growth_mm(ZONE_MM, PARAMS.gyroid)}
 
 def main() -> int:
     """Measure, write the table, draw the curves."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = [*explicit_rows(), *native_rows()]
     with (HERE / "slice.csv").open("w", newline="") as stream:
         table = csv.DictWriter(stream, fieldnames=list(rows[0]), lineterminator="\n")

@@ -4,6 +4,7 @@ Writes bench/tessellation.csv and bench/tessellation.png. The reference is each 
 deflection that OCCT's exporters use by default is measured in the same run.
 """
 
+import argparse
 import csv
 import time
 from pathlib import Path
@@ -28,6 +29,7 @@ STL_BYTES_A_FACE = 50
 
 def main() -> None:
     """Measure, write, plot."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     layout = MoldLayout(EndcapParams(130, 8))
     parts = [*cup_parts(layout), *build_core_solids(layout, lambda _: None), build_interface(layout.params)]
     parts += [packed.unpacked()[0] for packed in packed_group("hardware", layout, None)]

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pressed_films import Film, Recipe, pressed_film
+from pressed_films import Film, Recipe, asked_film, pressed_film
 
 from cad.materials import silicone
 from sensing import weigh
@@ -102,8 +102,8 @@ def row(
 
 def main() -> None:
     """Weigh, answer, write the table; a number makes one film only."""
-    if len(sys.argv) > 1:
-        number = int(sys.argv[1])
+    number = asked_film(__doc__, TILTS + len(WEIGHTS_G))
+    if number is not None:
         print(test_film(number).folder if number < TILTS else weighing_film(number - TILTS).folder)
         return
     films = [test_film(number) for number in range(TILTS)]

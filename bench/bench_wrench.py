@@ -2,6 +2,7 @@
 
     make evaluate                                   # makes exports/wrench_train and exports/wrench_test
     python bench/bench_wrench.py                    # bench/wrench.csv, bench/wrench.png
+    python bench/bench_wrench.py data time          # these studies anew; the rows of the others stay
 
 Errors on the test folders through the real tracker, N and N m about the sphere's centre. Seconds are CPU seconds of one
 core, microseconds the median of many calls in this process.
@@ -13,7 +14,7 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ NEAR_PX = 12.0  # a found dot is the labelled one within this distance
 Row = dict[str, Any]
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the studies asked for and write them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("studies", nargs="*", default=["size", "cells", "data", "time", "latency"])
@@ -51,22 +52,49 @@ def main() -> int:
     )
     parser.add_argument("--test", type=Path, nargs="+", default=[Path("exports/wrench_test")])
     parser.add_argument("--out", type=Path, default=HERE / "wrench.csv")
-    options = parser.parse_args()
-    if not all((folder / "shards").is_dir() for folder in (*options.train, *options.test)):
-        print("bench_wrench: no frames yet: run make evaluate first", file=sys.stderr)
-        return 0
+    options = parser.parse_args(arguments)
     known = {"size": size, "cells": cells, "data": data, "time": times, "latency": latency, "tracking": tracking}
+    for study in set(options.studies) - set(known):
+        parser.error(f"{study!r} is no study: choose from {', '.join(known)}")
+    for folder in (*options.train, *options.test):
+        if not (folder / "shards").is_dir():
+            parser.error(f"{folder}: no frames here yet: run make evaluate first, or name other sets (--train, --test)")
     rows: list[Row] = []
     for study in options.studies:
         for row in known[study](options.train, options.test):
             rows.append({name: row.get(name, "") for name in ROWS} | {"study": study})
             print(*(f"{v:.4g}" if isinstance(v, float) else v for v in rows[-1].values()), flush=True)
-    with options.out.open("w", newline="") as stream:
+    save(rows, options.out)
+    plot(read(options.out), options.out.with_suffix(".png"))
+    return 0
+
+
+def read(path: Path) -> list[Row]:
+    """Rows of the table, its numbers as numbers; none where there is no table."""
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as stream:
+        table = list(csv.DictReader(stream))
+    return [
+        {name: float(cell) if cell and name not in ROWS[:2] else cell for name, cell in row.items()} for row in table
+    ]
+
+
+def save(rows: list[Row], path: Path) -> None:
+    """Put the rows in the place of those of the same studies.
+
+    Args:
+        rows: of whole studies.
+        path: of the table.
+    """
+    made = {row["study"] for row in rows}
+    rows = [row for row in read(path) if row["study"] not in made] + rows
+    part = path.with_suffix(".part")
+    with part.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, ROWS, lineterminator="\n")
         writer.writeheader()
         writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    plot(rows, options.out.with_suffix(".png"))
-    return 0
+    part.replace(path)
 
 
 def errors(reported: np.ndarray, test: Samples) -> Row:

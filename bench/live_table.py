@@ -20,17 +20,17 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def save(rows: Sequence[Mapping[str, Any]]) -> None:
+def save(rows: Sequence[Mapping[str, Any]], path: Path = TABLE) -> None:
     """The table."""
-    with TABLE.open("w", newline="") as file:
+    with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
         writer.writeheader()
         for row in rows:
             writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
-def draw(rows: list[dict]) -> None:
-    """Error against time on a frame."""
+def draw(rows: list[dict], path: Path) -> None:
+    """Error against time on a frame, beside the table at a path."""
     figure, axis = plt.subplots(figsize=(6, 4))
     for row in rows:
         if "force_error_n" in row:
@@ -44,4 +44,4 @@ def draw(rows: list[dict]) -> None:
     axis.set_xlim(1, 40)
     axis.grid(alpha=0.3)
     figure.tight_layout()
-    figure.savefig(TABLE.with_suffix(".png"), dpi=110)
+    figure.savefig(path.with_suffix(".png"), dpi=110)

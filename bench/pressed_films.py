@@ -8,6 +8,7 @@ endcap, ``truth.csv`` the wrench at the endcap's origin. N, N m, s, degrees.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import hashlib
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ import numpy as np
 from cad.materials import silicone
 from sensing.records import Frame
 from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
@@ -62,15 +64,30 @@ class Film:
     wrench: np.ndarray
 
 
+def asked_film(description: str | None, count: int) -> int | None:
+    """Number of the one film that the command line asks for, to make it in a process of its own; None for the bench.
+
+    Args:
+        description: of the bench. count: of its films.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "film", nargs="?", type=int, choices=range(count), metavar=f"0..{count - 1}",
+        help="make only this film, which the bench then finds; films can be made in several processes",
+    )  # fmt: skip
+    number: int | None = parser.parse_args().film
+    return number
+
+
 def pressed_film(folder: Path, recipe: Recipe, targets: Sequence[Target | None], began_s: float = -1.0) -> Film:
-    """The film of a path, from where an earlier run of the same recipe and path left it.
+    """The film of a path, from where an earlier run of the same recipe, path and simulator left it.
 
     Args:
         folder: of the pictures; its name is followed by a digest of what follows. recipe: what is pressed.
         targets: one a picture, with times; None (at the start) shows the untouched endcap.
         began_s: time until which the shell was untouched and at rest, s.
     """
-    what = hashlib.sha256(repr((recipe, list(targets), began_s)).encode()).hexdigest()
+    what = hashlib.sha256(repr((recipe, list(targets), began_s, Origin.here())).encode()).hexdigest()
     folder = folder.with_name(f"{folder.name}_{what[:12]}")
     if not (folder / "truth.csv").exists():
         _make(folder, recipe, targets, began_s)
@@ -105,7 +122,9 @@ def _make(folder: Path, recipe: Recipe, targets: Sequence[Target | None], began_
         wrench = np.zeros(6) if state is None else turn_wrench(state.wrench, recipe.azimuth_deg)
         time_s = k / 30 if target is None or target.time_s is None else target.time_s
         rows.append([time_s, *wrench[:3], *(wrench[3:] / 1000)])
-    with (folder / "truth.csv").open("w", newline="") as stream:
+    part = folder / "truth.part"
+    with part.open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"])
         writer.writerows([[f"{x:.9g}" for x in row] for row in rows])
+    part.replace(folder / "truth.csv")  # which says that the film is whole

@@ -11,12 +11,13 @@ SUFFIXES = (".py", ".csv")
 
 
 def code_digest(packages: Iterable[str]) -> str:
-    """SHA-256 of the files of packages, in hexadecimal digits.
+    """SHA-256 of the files of packages and modules, in hexadecimal digits.
 
     Args:
-        packages: their folders from that of the toolkit, as in ``sensing/camera``.
+        packages: folders, from that of the toolkit, as in ``sensing/camera``; or single files as ``sensing/decode.py``.
     """
-    found = hashlib.sha256()
-    for path in sorted(p for name in packages for p in (ROOT / name).rglob("*") if p.suffix in SUFFIXES):
+    found, places = hashlib.sha256(), [ROOT / name for name in packages]
+    files = [path for place in places for path in ([place] if place.is_file() else place.rglob("*"))]
+    for path in sorted(path for path in files if path.suffix in SUFFIXES):
         found.update(path.read_bytes())
     return found.hexdigest()

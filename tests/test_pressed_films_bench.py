@@ -1,4 +1,4 @@
-"""Films that benches keep: one is shown again only of the recipe and the path that it was made of."""
+"""Films that benches keep: one is shown again only of the recipe, path and simulator that it was made of."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +7,7 @@ import pytest
 
 from bench import pressed_films
 from bench.pressed_films import Recipe, pressed_film
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.press.press import Target
 
 
@@ -26,3 +27,6 @@ def test_a_film_of_another_recipe_or_path_is_made_anew(tmp_path: Path, monkeypat
         for what in ((recipe, path), (replace(recipe, friction=0.3), path), (recipe, path[:1]), (recipe, list(path)))
     ]
     assert shown == [1, 2, 3, 1]
+    another = Origin("another simulator", "")
+    monkeypatch.setattr(Origin, "here", staticmethod(lambda: another))
+    assert pressed_film(tmp_path / "film", recipe, path).wrench[0, 2] == 4, "a film of an older simulator was shown"

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.foreign.mesh import GRAINS, Array, BrickMesh, Grain, Index, Shell, brick_mesh
+from cad.errors import EndcapError
 
 CONTACT_MPA_MM, STICK_MPA_MM = 6.0, 1.5  # penalties
 BLOCK_MM, DEEP_MM = 160.0, 25.0
@@ -68,11 +69,12 @@ def pressed(shell: Shell, law: Silicone, path: PlanePath, folder: Path, grain: G
         grain: of the mesh.
 
     Raises:
-        RuntimeError: ccx is not installed, or did not finish.
+        EndcapError: ccx is not installed.
+        RuntimeError: it did not finish.
     """
     program = shutil.which("ccx")
     if program is None:
-        raise RuntimeError("ccx is not installed: install the Debian package calculix-ccx")
+        raise EndcapError("ccx is not installed: install the Debian package calculix-ccx")
     mesh = brick_mesh(shell, path.tilt_deg, grain)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "press.inp").write_text(deck(mesh, shell, law, path), encoding="ascii")

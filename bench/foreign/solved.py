@@ -28,7 +28,8 @@ def solved(folder: Path, path: PlanePath, grain: str = GRAIN) -> Pressed:
         folder: of the states. path: of the plane. grain: a name of :data:`bench.foreign.mesh.GRAINS`.
 
     Raises:
-        RuntimeError: ccx is not installed, or did not finish.
+        EndcapError: ccx is not installed.
+        RuntimeError: it did not finish.
     """
     name = f"{grain}_{path.tilt_deg:g}_{len(path.places)}"
     file = folder / f"{name}.npz"

@@ -29,6 +29,7 @@ from cad.messages import transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.camera.chosen_module import other_module_words
+from sensing.code_digest import code_digest
 from sensing.frames import T_sphere_endcap, wrench_adjoint
 from sensing.learning.found_camera import camera_file, camera_of_set
 from sensing.learning.marker_fields import MarkerSensor, Scatter
@@ -39,6 +40,8 @@ from sensing.tracking.model_input import model_input
 from sensing.tracking.zero import single_zero
 
 SHAPE = (16, 16)  # cells of our model: about as many numbers as the dots give
+# What decides what a field is: dots, camera, tracker, and the sensors that view fields without pictures.
+SOURCES = ("cad", "sensing/camera", "sensing/calibration", "sensing/decode.py", "sensing/learning", "sensing/tracking")
 MARKERS = "markers"  # method of fields without pictures
 SENSORS, VIEWS = 64, 4  # number of domain-randomised sensors of a set, and of those that view each run
 # Arrays of the samples, in the order of their cache.
@@ -183,7 +186,8 @@ def read_samples(
 ) -> Samples:
     """Fields and labels of a folder of labelled frames (:mod:`sensing.records_labelled`).
 
-    Fields are cached beside the data until the data change, the camera file of a recording, or a plug-in's code.
+    Fields are cached beside the data until these change, the camera file of a recording, or the code that makes fields,
+    the toolkit's as well as a plug-in's.
 
     Args:
         folder: folder of the frames.
@@ -202,7 +206,7 @@ def read_samples(
     require_same(folder, "labelled frames", data.identity, here, fix)
     data.require_whole()
     seen_as = "" if radial is None or method == MARKERS else hashlib.sha256(radial.tobytes()).hexdigest()
-    stamp = f"15 {method}{method_code(method)} {shape} {here.digest} {seen_as} " + " ".join(
+    stamp = f"{code_digest(SOURCES)} {method}{method_code(method)} {shape} {here.digest} {seen_as} " + " ".join(
         f"{s.name}:{s.stat().st_size}:{s.stat().st_mtime_ns}"
         for s in (*data.shards, *filter(None, [camera_file(data)]))
     )

@@ -63,6 +63,8 @@ Words of the tables:
 - Of a hard case: *residual* is the norm of the forces out of balance over that of the contact forces, *wrench* the
   largest difference of contact and clamp wrench over the load, *penetration* the depth by which the surface enters the
   body at the points where contact is computed (in brackets, between them). N is the normal force, T the tangential one.
+- "wall 3 mm, depth to 20 mm, there and back" stands on the edge between convergence and refusal: a wall thicker by 1e-9
+  mm, or the rounding of another computer, decides.
 """
 # Order of the sections' groups in the report.
 ORDER = ("The solid", "Contact", "The shell", "CalculiX", "Level 2", "Level 3", "Level 4", "Hard cases")

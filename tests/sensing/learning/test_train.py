@@ -23,6 +23,7 @@ pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from sensing import evaluate, train
+from sensing.learning import samples
 from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
 from sensing.learning.contenders import Views, frame_keys, held_out
 from sensing.learning.found_camera import found_camera
@@ -55,6 +56,24 @@ def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
     for damaged in (b"damaged", cache.read_bytes()[:-900], b"PK\x03\x04"):
         cache.write_bytes(damaged)
         assert len(read_samples(folder)) == 4
+
+
+def test_samples_are_made_again_when_the_code_that_makes_fields_has_changed(tmp_path, monkeypatch):
+    """Fields of a tracker of weeks ago were taken for today's: a number that somebody had to raise by hand said so."""
+    folder = write_set(tmp_path / "set", 1, 3)
+    read_samples(folder)
+    cache = folder / "fields_dots_16x16.npz"
+    first = cache.read_bytes()
+    (tmp_path / "other.py").write_text("changed = False\n")
+    monkeypatch.setattr(samples, "SOURCES", (*samples.SOURCES, str(tmp_path)))
+    read_samples(folder)
+    assert cache.read_bytes() != first
+    changed = cache.stat().st_mtime_ns
+    read_samples(folder)
+    assert cache.stat().st_mtime_ns == changed
+    (tmp_path / "other.py").write_text("changed = True\n")
+    read_samples(folder)
+    assert cache.stat().st_mtime_ns != changed
 
 
 def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path):

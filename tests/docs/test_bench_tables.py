@@ -77,7 +77,7 @@ CHANGES = {  # title in docs/live.md: change of the bench
 
 def test_what_changes_slowly_is_that_of_the_bench():
     found, pairs = table("slow_changes"), []
-    rows = page_rows("docs/live.md", "| change | largest without a flag at rest |")
+    rows = page_rows("docs/live_faults.md", "| change | largest without a flag at rest |")
     assert {CHANGES[row[0]] for row in rows} == {row["change"] for row in found}
     for title, level, *written, flagged in rows:
         rest = [row for row in found if (row["change"], row["state"]) == (CHANGES[title], "rest")]
@@ -94,7 +94,7 @@ def test_what_changes_slowly_is_that_of_the_bench():
             assert later["flagged"] == count, title
     assert len(pairs) == 46 and wrong(pairs) == []
     loaded = max(float(row["sds"]) for row in found if row["state"] == "load" and row["flagged"] == "0")
-    limit = said("docs/live.md", r"none of these unflagged readings is off by over ([\d.]+) standard deviations")
+    limit = said("docs/live_faults.md", r"none of these unflagged readings is off by over ([\d.]+) standard deviations")
     assert Rounded(limit[0], loaded).is_right
 
 

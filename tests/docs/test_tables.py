@@ -15,7 +15,7 @@ from fab.led_ring.light import dome_light
 
 TILTS = ("0", "15", "25", "35", "45", "55")
 FORCES, TORQUES = ("rmse_fx_n", "rmse_fy_n"), ("rmse_tx_nm", "rmse_ty_nm", "rmse_tz_nm")
-BLOCKS = {  # title in docs/wrench.md: columns of bench/wrench_cells.csv whose rms it shows, factor, decimals
+BLOCKS = {  # title in docs/wrench_accuracy.md: columns of bench/wrench_cells.csv whose rms it shows, factor, decimals
     "RMSE of fz N": (("rmse_fz_n",), 1, 4),
     "RMSE of fx, fy N": (FORCES, 1, 4),
     "RMSE of torque N m": (TORQUES, 1, 4),
@@ -45,7 +45,7 @@ def test_the_readme_has_the_errors_of_the_evaluation():
 @pytest.mark.parametrize("title", BLOCKS)
 def test_the_page_of_the_wrench_prints_the_cells_of_the_evaluation(title):
     columns, factor, _ = BLOCKS[title]
-    lines = (ROOT / "docs" / "wrench.md").read_text(encoding="utf-8").split(f"\n{title}, tilt ")[1].splitlines()[1:7]
+    lines = (ROOT / "docs" / "wrench_accuracy.md").read_text(encoding="utf-8").split(f"\n{title}, tilt ")[1].splitlines()[1:7]
     pairs = []
     for tilt, line in zip(TILTS, lines, strict=True):
         cells = [sqrt(sum(float(row[name]) ** 2 for name in columns) / len(columns)) for row in nominal_cells(tilt)]
@@ -86,7 +86,7 @@ def test_what_the_fit_of_own_weight_leaves_is_that_of_the_bench():
 
 
 def test_the_untouched_endcap_is_that_of_the_bench():
-    rows = page_rows("docs/wrench.md", "| lamp | median, N |")
+    rows = page_rows("docs/wrench_accuracy.md", "| lamp | median, N |")
     found = table("wrench_rest")
     assert [row[0] for row in rows] == [row["lamp"] for row in found]
     columns = ("median_n", "single_median_n", "p99_n", "single_p99_n", "most_n", "single_most_n")
@@ -118,7 +118,7 @@ def test_what_the_filter_of_rate_effects_leaves_is_that_of_the_bench():
         written = [entry for cell in row[1:] for entry in numbers(cell)]
         pairs += [Rounded(entry, found[name, motion]) for entry, name in zip(written, known, strict=True)]
     goals = said(
-        "docs/wrench.md", r"([\d.]+) N; ([\d.]+), ([\d.]+) and ([\d.]+) N in three rhythms .*? leaves ([\d.]+) N"
+        "docs/wrench_accuracy.md", r"([\d.]+) N; ([\d.]+), ([\d.]+) and ([\d.]+) N in three rhythms .*? leaves ([\d.]+) N"
     )
     motions = ("20 N for 3 s", "5 mm for 3 s", "taps")
     weighed = cell_of(table("weigh"), what="weighed", load_from_n="0.5", load_to_n="30.0")

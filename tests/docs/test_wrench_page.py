@@ -25,7 +25,7 @@ def coverage_percent() -> dict[str, float]:
 
 
 def test_the_coverage_of_each_sensor_is_that_of_its_cells():
-    text = (ROOT / "docs" / "wrench.md").read_text(encoding="utf-8").split("**Sensors never seen**")[1]
+    text = (ROOT / "docs" / "wrench_accuracy.md").read_text(encoding="utf-8").split("**Sensors never seen**")[1]
     table = text[text.index("| sensor |") :].split("\n\n")[0]
     head = table.splitlines()[0].strip("|").split("|")
     columns = [place for place, name in enumerate(head) if name.strip() == "95 % covers, flagged frames too"]

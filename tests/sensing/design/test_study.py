@@ -164,7 +164,7 @@ def test_print_hours_are_those_of_the_sliced_files_or_said_to_be_estimated(tmp_p
 
 
 def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypatch):
-    """docs/wrench.md: 0.07 to 0.17 N an axis at D=130 T=8. The noise is that of docs/floor.md."""
+    """docs/wrench_accuracy.md: 0.07 to 0.17 N an axis at D=130 T=8. The noise is that of docs/floor.md."""
     assert 0.01 < RELEASED.bound_n < 0.17
     far_px, measured_px = [0.0, 0.07, 0.3, 2.0, 8.0, 15.0], [0.006, 0.011, 0.021, 0.028, 0.065, 0.11]
     assert Scatter().tracking_px(np.array(far_px)) == pytest.approx(measured_px, rel=0.16)

@@ -2,10 +2,10 @@
 
     python bench/floor_summary.py          # reads bench/floor.csv and bench/wrench_cells.csv, prints Markdown
 
-Root mean squares over all frames to 55 degrees of tilt: bound with the loading history known, with it unknown, and with
-what calibration leaves of the camera; error on the same frames (nominal sensor); error on the eight other sensors of
-docs/wrench_accuracy.md, each calibrated from its rest picture, and that without the mean error of each sensor in the range of
-load: no gain, and no shift, can take out more. N, N m.
+Root mean squares over all frames to 55 degrees of tilt: bound with the loading history known, with it unknown, and
+with what calibration leaves of the camera; error on the same frames (nominal sensor); error on the eight other
+sensors of docs/wrench_accuracy.md, each calibrated from its rest picture, and that without the mean error of each
+sensor in the range of load: no gain, and no shift, can take out more. N, N m.
 
 Last, how many cells of those sensors would be over a goal if the estimate were at the bound: a goal near it cannot hold
 in every cell, because a cell has three paths and one camera.

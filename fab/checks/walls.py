@@ -6,6 +6,9 @@ inward from every face along its normal, and from every inner edge in directions
 the length of a ray that is normal to the far side is a wall thickness. Faces that meet at an angle form an outer edge,
 which a printer rounds; no ray from there is normal to a face.
 
+Where booleans leave two corners of a mesh nearer than a hundredth of its tolerance, the sliver between them has any
+normal, and its long sides would count as inner edges: such corners are one here, and what slivers remain send no rays.
+
 A wall between two inner edges, or one that ends in a corner, is not found.
 """
 
@@ -13,6 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from fab.checks.check import Check
 
@@ -23,7 +29,8 @@ SQUARE = (
 INNER_EDGE_RAD = 0.35  # flatter edges lie between facets of one surface, for which the faces' own rays suffice
 EDGE_DIRECTIONS = 13  # between the normals of its faces: 8 degrees apart at a right angle
 EDGE_PLACES = (0.1, 0.5, 0.9)  # starts of the rays, as fractions of the edge
-LEAST_AREA_MM2 = 1e-9  # of a face with a reliable normal
+LEAST_HEIGHT_MM = 1e-3  # of a face with a reliable normal: STL gives corners to 1.5e-5 mm, which turn it by 1 degree
+SAME_MM = 1e-4  # distance of corners that are one: ten times that to which STL gives them
 OFF_MM = 1e-3  # depth at which a ray starts, off its own face
 
 
@@ -43,7 +50,9 @@ def min_wall_mm(mesh: trimesh.Trimesh) -> float:
     Args:
         mesh: closed mesh with outward faces, mm.
     """
-    from_faces, from_edges = _face_rays(mesh), _edge_rays(mesh)
+    mesh = _without_needles(mesh)
+    firm = _is_firm(mesh)
+    from_faces, from_edges = _face_rays(mesh, firm), _edge_rays(mesh, firm)
     starts, ways = (np.concatenate(both) for both in zip(from_faces, from_edges, strict=True))
     hit = mesh.ray.intersects_first(starts + OFF_MM * ways, ways)
     across = np.einsum("ij,ij->i", mesh.face_normals[hit], ways)
@@ -53,15 +62,34 @@ def min_wall_mm(mesh: trimesh.Trimesh) -> float:
     return float(depths.min(initial=np.inf))
 
 
-def _face_rays(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from the middle of each face inward: starts (n, 3), unit directions (n, 3)."""
-    kept = mesh.area_faces > LEAST_AREA_MM2
-    return mesh.triangles_center[kept], -mesh.face_normals[kept]
+def _without_needles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with corners nearer than :data:`SAME_MM` as one, without the faces that lose a corner in that way."""
+    near = cKDTree(mesh.vertices).query_pairs(SAME_MM, output_type="ndarray")
+    if not len(near):
+        return mesh
+    count = len(mesh.vertices)
+    links = coo_matrix((np.ones(len(near)), near.T), (count, count))
+    _, first, group = np.unique(connected_components(links, directed=False)[1], return_index=True, return_inverse=True)
+    faces = first[group][mesh.faces]
+    kept = (faces != faces[:, [1, 2, 0]]).all(axis=1)
+    return trimesh.Trimesh(mesh.vertices, faces[kept], process=False)
 
 
-def _edge_rays(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from each inner edge into the part: starts (n, 3), unit directions (n, 3)."""
+def _is_firm(mesh: trimesh.Trimesh) -> np.ndarray:
+    """(faces,) whether the height of a face over its longest side lets its normal be relied on."""
+    longest = mesh.edges_unique_length[mesh.faces_unique_edges].max(axis=1)
+    return np.asarray(2 * mesh.area_faces > LEAST_HEIGHT_MM * longest)
+
+
+def _face_rays(mesh: trimesh.Trimesh, firm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from the middle of each firm face inward: starts (n, 3), unit directions (n, 3)."""
+    return mesh.triangles_center[firm], -mesh.face_normals[firm]
+
+
+def _edge_rays(mesh: trimesh.Trimesh, firm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from each inner edge between firm faces into the part: starts (n, 3), unit directions (n, 3)."""
     inner = ~mesh.face_adjacency_convex & (mesh.face_adjacency_angles > INNER_EDGE_RAD)
+    inner &= firm[mesh.face_adjacency].all(axis=1)
     first, last = mesh.vertices[mesh.face_adjacency_edges[inner]].swapaxes(0, 1)
     one, other = -mesh.face_normals[mesh.face_adjacency[inner]].swapaxes(0, 1)
     starts, ways = [], []

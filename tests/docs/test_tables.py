@@ -45,7 +45,12 @@ def test_the_readme_has_the_errors_of_the_evaluation():
 @pytest.mark.parametrize("title", BLOCKS)
 def test_the_page_of_the_wrench_prints_the_cells_of_the_evaluation(title):
     columns, factor, _ = BLOCKS[title]
-    lines = (ROOT / "docs" / "wrench_accuracy.md").read_text(encoding="utf-8").split(f"\n{title}, tilt ")[1].splitlines()[1:7]
+    lines = (
+        (ROOT / "docs" / "wrench_accuracy.md")
+        .read_text(encoding="utf-8")
+        .split(f"\n{title}, tilt ")[1]
+        .splitlines()[1:7]
+    )
     pairs = []
     for tilt, line in zip(TILTS, lines, strict=True):
         cells = [sqrt(sum(float(row[name]) ** 2 for name in columns) / len(columns)) for row in nominal_cells(tilt)]
@@ -118,7 +123,8 @@ def test_what_the_filter_of_rate_effects_leaves_is_that_of_the_bench():
         written = [entry for cell in row[1:] for entry in numbers(cell)]
         pairs += [Rounded(entry, found[name, motion]) for entry, name in zip(written, known, strict=True)]
     goals = said(
-        "docs/wrench_accuracy.md", r"([\d.]+) N; ([\d.]+), ([\d.]+) and ([\d.]+) N in three rhythms .*? leaves ([\d.]+) N"
+        "docs/wrench_accuracy.md",
+        r"([\d.]+) N; ([\d.]+), ([\d.]+) and ([\d.]+) N in three rhythms .*? leaves ([\d.]+) N",
     )
     motions = ("20 N for 3 s", "5 mm for 3 s", "taps")
     weighed = cell_of(table("weigh"), what="weighed", load_from_n="0.5", load_to_n="30.0")

@@ -64,3 +64,27 @@ def test_a_ball_and_an_empty_search_have_no_thin_wall():
         )
         > 1
     )
+
+
+@pytest.mark.parametrize("apart_mm", [4e-6, 2e-4])
+def test_a_sliver_in_a_plane_face_makes_no_inner_edge(apart_mm):
+    """Two corners of a boolean were 4e-6 mm apart at D=208.13 T=9.16, and gave a wall of 0.16 mm that is none."""
+    near = [20.0, 0.0, -4.0]
+    side = [[20, -15, -5], [20, 15, -5], [20, 15, 5], [20, -15, 5], near, [near[0] + apart_mm, *near[1:]]]
+    faces = [[0, 1, 4], [1, 2, 4], [2, 5, 4], [2, 3, 5], [3, 0, 5], [0, 4, 5]]
+    back = [[-20, -15, -5], [-20, 15, -5], [-20, 15, 5], [-20, -15, 5]]
+    faces += [
+        [6, 8, 7],
+        [6, 9, 8],
+        [0, 6, 7],
+        [0, 7, 1],
+        [2, 8, 9],
+        [2, 9, 3],
+        [1, 7, 8],
+        [1, 8, 2],
+        [3, 9, 6],
+        [3, 6, 0],
+    ]
+    mesh = trimesh.Trimesh([*side, *back], faces, process=False)
+    assert mesh.is_volume
+    assert min_wall_mm(mesh) == pytest.approx(10.0, abs=1e-3)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +23,17 @@ def start(*words: str, cache: Path | None = None) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
+
+
+def wait_until_signals_are_handled(process: subprocess.Popen[str]) -> None:
+    """Return once the command ends by its own rules: on a busy computer Python alone may take seconds to begin."""
+    for _ in range(1200):
+        caught = next(line for line in Path(f"/proc/{process.pid}/status").read_text().splitlines() if "SigCgt" in line)
+        if int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1:
+            return
+        assert process.poll() is None
+        time.sleep(0.1)
+    raise AssertionError("SIGTERM is never handled")
 
 
 def left_in(folder: Path) -> list[str]:

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 import trimesh
 from long_cases import others_long
-from started_molds import SMALL, left_in, start
+from started_molds import SMALL, left_in, start, wait_until_signals_are_handled
 
 from fab import molds
 from fab.checks.check import Check
@@ -177,10 +177,11 @@ def test_an_interruption_swallowed_at_the_last_is_asked_for_before_the_files_app
 @pytest.mark.parametrize("wait_s", others_long([2.0, 8.0]))
 def test_ctrl_c_in_a_terminal_stops_every_process_and_leaves_nothing(tmp_path, wait_s):
     process = start(*SMALL, f"exports={tmp_path}")
+    wait_until_signals_are_handled(process)
     time.sleep(wait_s)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, err
     assert out == "" and err.splitlines()[-1] == "make molds: interrupted; nothing was left behind"
     assert left_in(tmp_path) == []
 

@@ -28,6 +28,11 @@ from sensing.tensegrity.vectors import minus_cross
 TUNED_S = 0.005  # time between the samples with which the noises of Settings were chosen: they contain what it leaves
 
 
+def is_between(state: State) -> bool:
+    """Whether an inertial sensor has no sample at the state's time."""
+    return bool((state.time_s > state.rate_s).any())
+
+
 def measured_errors(state: State, rows: Array, layout: Layout, settings: Settings) -> Array:
     """(n,) variances that the errors between samples add to measurements at the state's time.
 
@@ -36,7 +41,7 @@ def measured_errors(state: State, rows: Array, layout: Layout, settings: Setting
         rows: (n, N) slopes of the measurements by the error state.
         layout, settings: indices and assumptions of the estimator.
     """
-    if not (state.time_s > state.rate_s).any():
+    if not is_between(state):
         return np.zeros(len(rows))
     bars = range(layout.bars)
     return between_variances(
@@ -56,17 +61,6 @@ def turn_variance(state: State, bar: int, settings: Settings) -> float:
     """
     since_s, walk = _since_s(state, bar), rate_walk(state, bar, settings)
     return _once(state, bar, since_s, walk) if since_s and walk else 0.0
-
-
-def velocity_variance(state: State, bar: int, layout: Layout, settings: Settings) -> float:
-    """Variance of the velocity that a bar's accelerometer gave since its last sample, an axis, m^2/s^2; 0 at a sample.
-
-    Args:
-        state: state of the filter.
-        bar: number of the bar.
-        layout, settings: indices and assumptions of the estimator.
-    """
-    return _moved(state, bar, layout, settings)[0] ** 2
 
 
 def turn_slopes(state: State, bar: int, layout: Layout) -> Array:
@@ -103,6 +97,23 @@ def rate_walk(state: State, bar: int, settings: Settings) -> float:
     return _walk(state, bar, float(state.rate_change[bar]), settings.rate_noise)
 
 
+def extrapolate(state: State, layout: Layout, settings: Settings) -> None:
+    """Add to the covariance of an answer that rates and accelerations have changed since the last samples.
+
+    The next samples correct that, so the filter's own covariance must not contain it.
+
+    Args:
+        state: copy of the filter's state at the time of the answer; it is changed.
+        layout, settings: indices and assumptions of the estimator.
+    """
+    for bar in range(layout.bars):
+        if turned := turn_variance(state, bar, settings):
+            slopes = turn_slopes(state, bar, layout)
+            state.covariance += turned * slopes @ slopes.T
+        if moved := _moved(state, bar, layout, settings)[0]:
+            _add_along_axes(state, 3 * (2 * layout.bars + _driven(state, bar, layout)), moved**2)
+
+
 def settle(state: State, bar: int, layout: Layout, settings: Settings) -> None:
     """Add what remains unknown once a new inertial sample has come: of places, and of samples that are missing.
 
@@ -122,12 +133,12 @@ def settle(state: State, bar: int, layout: Layout, settings: Settings) -> None:
     if not walk:
         return
     remains = walk * over_s * max(0.0, over_s**4 - TUNED_S**4) / 120
-    places, since_s = 3 * (layout.bars + np.array(driven(state, bar, layout))), over_s + missed_s / 2
-    for at in (places, places + 1, places + 2):
-        state.covariance[at[:, None], at] += remains
-        if missed_s:
-            both, times = np.concatenate([at, at + 3 * layout.bars]), np.repeat([since_s, 1.0], len(at))
-            state.covariance[both[:, None], both] += walk * missing * np.outer(times, times)
+    places = 3 * (layout.bars + _driven(state, bar, layout))
+    _add_along_axes(state, places, remains)
+    if missed_s:
+        times = np.repeat([over_s + missed_s / 2, 1.0], len(places))
+        both = np.concatenate([places, places + 3 * layout.bars])
+        _add_along_axes(state, both, walk * missing * np.outer(times, times))
 
 
 def _since_s(state: State, bar: int) -> float:
@@ -136,10 +147,15 @@ def _since_s(state: State, bar: int) -> float:
     return since_s if 0 < since_s <= state.silent_after_s[bar] else 0.0
 
 
+def _by_later_mean(state: State, bar: int) -> bool:
+    """Whether a bar was moved by the mean that contains the state's time, with no sample missing in it."""
+    return bool(state.rate_until_s[bar] > state.time_s and not state.missed_s[bar])
+
+
 def _once(state: State, bar: int, since_s: float, walk: float) -> float:
     """Variance of what is integrated once, of a random walk of that intensity."""
     over_s = float(state.rate_over_s[bar])
-    if state.rate_until_s[bar] > state.time_s and not state.missed_s[bar]:
+    if _by_later_mean(state, bar):
         return walk * since_s**2 * (over_s - since_s) ** 2 / (3 * over_s)
     return walk * since_s**2 * (since_s + over_s) / 3
 
@@ -151,7 +167,7 @@ def _moved(state: State, bar: int, layout: Layout, settings: Settings) -> tuple[
     if not (since_s and walk and layout.has_force[bar]):
         return 0.0, 0.0
     twice = over_s * since_s**4 / 12 + since_s**5 / 20
-    if state.rate_until_s[bar] > state.time_s and not state.missed_s[bar]:
+    if _by_later_mean(state, bar):
         twice = over_s * since_s**4 / 12 - 7 * since_s**5 / 60 + since_s**6 / (24 * over_s)
     return _once(state, bar, since_s, walk) ** 0.5, (walk * twice) ** 0.5
 
@@ -164,13 +180,13 @@ def _walk(state: State, bar: int, change: float, noise: float) -> float:
     return 1.5 * max(0.0, change - 2 * noise**2 / over_s) / over_s
 
 
-def driven(state: State, bar: int, layout: Layout) -> list[int]:
-    """Numbers of the bars that a bar's accelerometer moves: the leading one's moves those without, too.
+def _driven(state: State, bar: int, layout: Layout) -> np.ndarray:
+    """Numbers of the bars that a bar's accelerometer moves: the leading one's moves those without, too."""
+    without: list[int] = np.flatnonzero(layout.has_force == 0).tolist() if bar == state.leader else []
+    return np.array([bar, *without])
 
-    Args:
-        state: state of the filter.
-        bar: number of the bar.
-        layout: indices of the robot.
-    """
-    without = np.flatnonzero(layout.has_force == 0).tolist() if bar == state.leader else []
-    return [bar, *without]
+
+def _add_along_axes(state: State, first: np.ndarray, covariance: float | Array) -> None:
+    """Add a covariance that is the same along x, y and z; ``first``: (n,) numbers of the x components."""
+    for at in (first, first + 1, first + 2):
+        state.covariance[at[:, None], at] += covariance

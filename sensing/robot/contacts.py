@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sensing.robot.between import measured_errors
+from sensing.robot.between import is_between, measured_errors
 from sensing.robot.contact import Contact, contact_of
 from sensing.robot.dome import DomeCentre, count_load, difference, dome_centre, unloaded
 from sensing.robot.friction import learned, slip_probability
@@ -162,7 +162,7 @@ def _between(
     state: State, endcap: int, centre: DomeCentre, axes: Array, fresh: bool, layout: Layout, settings: Settings
 ) -> Array:
     """(3,) variance along ``axes`` of the place of a contact because no inertial sample is of its time."""
-    if not (state.time_s > state.rate_s).any():
+    if not is_between(state):
         return np.zeros(3)
     slopes = (unloaded if fresh else difference)(state, endcap, centre, layout)[1]
     return measured_errors(state, axes @ slopes, layout, settings)

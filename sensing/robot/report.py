@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sensing.robot.between import driven, rate_walk, turn_slopes, turn_variance, velocity_variance
+from sensing.robot.between import extrapolate, rate_walk
 from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
 from sensing.robot.friction import moments
@@ -44,7 +44,7 @@ def report_of(
         impossible: one line for each sensor with impossible numbers lately.
         layout, settings: indices and assumptions of the estimator.
     """
-    _extrapolate(state, layout, settings)
+    extrapolate(state, layout, settings)
     masses = [_point(state, bar, layout.mass_lever[bar], layout) for bar in range(layout.bars)]
     share = layout.mass_kg / layout.mass_kg.sum()
     centre = sum((part * point for part, (point, _) in zip(share, masses, strict=True)), np.zeros(3))
@@ -59,22 +59,6 @@ def report_of(
         float(state.delay_s[0]), float(np.sqrt(state.covariance[layout.delay, layout.delay])),
         _health(state, ignored, impossible, layout, settings),
     )  # fmt: skip
-
-
-def _extrapolate(state: State, layout: Layout, settings: Settings) -> None:
-    """Add to the covariance that rates and accelerations have changed since the last samples.
-
-    The estimate between two samples goes on with the last ones (:mod:`sensing.robot.between`); the next sample corrects
-    that, so the filter's own covariance must not contain it.
-    """
-    for bar in range(layout.bars):
-        if turned := turn_variance(state, bar, settings):
-            slopes = turn_slopes(state, bar, layout)
-            state.covariance += turned * slopes @ slopes.T
-        if hurried := velocity_variance(state, bar, layout, settings):
-            velocities = 3 * (2 * layout.bars + np.array(driven(state, bar, layout)))
-            for at in (velocities, velocities + 1, velocities + 2):
-                state.covariance[at[:, None], at] += hurried
 
 
 def _point(state: State, bar: int, lever: Array, layout: Layout) -> tuple[Array, Array]:

@@ -50,7 +50,9 @@ def _press(options: argparse.Namespace) -> int:
     force, torque = (" ".join(f"{value:9.4f}" for value in values) for values in (state.force_n, state.torque_nm))
     show(f"force       {force} N   (on the endcap, endcap frame)")
     show(f"torque      {torque} N m (about the centre of the mating plane)")
-    show(f"patch       {state.patch_mm2:.0f} mm2, {100 * state.slip_share:.0f} % of the load slipped in the last step")
+    points = 0 if state.patch is None else len(state.patch.area)
+    slip = f"{100 * state.slip_share:.0f} % of the load slipped in the last step" if options.friction else "no friction"
+    show(f"patch       {state.patch_mm2:.0f} mm2, counted in {points} points of the mesh; {slip}")
     show(
         f"certificate residual {certificate.residual:.1e}, clamp against tractions {certificate.wrench_gap:.1e}, "
         f"penetration {certificate.penetration_mm:.4f} mm, negative pivots {certificate.negative_pivots}, "

@@ -153,6 +153,7 @@ class Simulator:
             except Refusal as refusal:  # a small body lies between the points of contact until it is pressed deeper
                 if refusal.reason != "mesh" or (target.normal_n, target.depth_mm) == (normal_n, depth_mm):
                     raise validity.after(refusal, states[-1:]) from refusal
+        validity.warn_of_fall(states)
         return states[-1]
 
     def walk(self, scene: Scene, half: bool = False, began_s: float = 0.0) -> Answer:

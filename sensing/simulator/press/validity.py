@@ -8,9 +8,11 @@ bonded rim it presses nodes that the model holds fixed, and the base that it wou
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from cad.messages import LOG
 from sensing.simulator.contact.friction import POINTS_PER_SIDE
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.state import Refusal, State
@@ -37,6 +39,25 @@ def after(refusal: Refusal, solved: Sequence[SceneState]) -> Refusal:
     last = solved[-1]
     reached = f"solved to {last.normal_n:.3g} N at a depth of {last.depth_mm:.3g} mm: give less"
     return Refusal(refusal.reason, f"{refusal.text}; {reached}")
+
+
+def warn_of_fall(solved: Sequence[SceneState]) -> None:
+    """Warn where the force of a press to a depth falls, from a state to the next or by its slope at a state.
+
+    The last state alone does not show a snap on the way. A coarse mesh snaps, fold by fold, where the shell does not.
+
+    Args:
+        solved: states of the press in order.
+    """
+    for before, here in pairwise(solved):
+        slope = here.certificate.force_stiffness_n_mm if here.certificate else 0.0
+        if here.depth_mm > before.depth_mm and (here.normal_n < before.normal_n or slope < 0):
+            falls = f"from {before.normal_n:.4g} to {here.normal_n:.4g} N" if slope >= 0 else f"by {-slope:.3g} N/mm"
+            LOG.warning(
+                f"the force falls {falls} at {here.depth_mm:.3g} mm of depth: the shell snaps, or its mesh is too "
+                "coarse there; compare with a finer density"
+            )
+            return
 
 
 def first_share(indenter: Indenter, state: State, depth_mm: float | None) -> float:

@@ -1,5 +1,6 @@
 """The one facade of the levels: same answers whatever mesh half or level gives them."""
 
+import re
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ import pytest
 
 from cad.errors import ParameterError
 from cad.materials import silicone
+from cad.messages import LOG
 from cad.params import EndcapParams
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_mount
@@ -233,4 +235,26 @@ def test_a_thin_shell_that_snaps_is_pressed_to_a_depth(capsys: pytest.CaptureFix
     assert main([*thin, "--normal", "60"]) == 2
     assert "control the depth instead of the force" in capsys.readouterr().err
     assert main([*thin, "--depth", "20"]) == 0
-    assert "depth       20.000 mm at a normal force of" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "depth       20.000 mm at a normal force of" in said
+    assert re.search(r"^patch +\d+ mm2, counted in [1-9]\d* points of the mesh; ", said, re.M)
+
+
+def test_a_press_past_a_snap_says_where_the_force_fell(simulator, monkeypatch, caplog):
+    """Its last state looked like any other: the force had risen again, on another branch than a finer mesh's."""
+    fell = {2.0: 5.0, 3.9: 7.1, 5.85: 6.6, 7.8: 9.4}
+
+    def pressed(forces: dict[float, float], slope: float = 2.0) -> str:
+        certificate = SimpleNamespace(force_stiffness_n_mm=slope)
+        made = [SimpleNamespace(depth_mm=d, normal_n=n, certificate=certificate) for d, n in forces.items()]
+        states = iter(made)
+        monkeypatch.setattr(Simulator, "_answers", lambda *_: lambda _: next(states))
+        monkeypatch.setattr(LOG, "propagate", True)  # to caplog
+        caplog.clear()
+        simulator.press(depth_mm=7.8)
+        return caplog.text
+
+    assert "the force falls from 7.1 to 6.6 N at 5.85 mm of depth: the shell snaps" in pressed(fell)
+    rose = dict(zip(fell, sorted(fell.values()), strict=True))
+    assert "the force falls by 1.5 N/mm at 3.9 mm of depth" in pressed(rose, slope=-1.5)
+    assert pressed(rose) == ""

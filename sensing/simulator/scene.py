@@ -29,8 +29,10 @@ class SceneState:
         tangential_n: force on the shell along (meridian, lateral), N.
         wrench: wrench on the endcap at its origin (6,), N and N mm.
         surface_mm: displacement at :attr:`sensing.simulator.levels.Simulator.surface` (k, 3), mm.
-        patch_mm2: contact area of the whole shell, mm2.
-        slip_share: share of the normal force on points that slipped in the last load step; NaN at level 4.
+        patch_mm2: contact area of the whole shell, mm2: undeformed area of the Gauss points with pressure (at level 4 a
+            fit of that), some 20 % wrong under loads and a factor of two under light touches (docs/simulator.md).
+        slip_share: share of the normal force on points that slipped in the last load step; 0 without friction, NaN at
+            level 4.
         error_estimate: at levels 3 and 4 the expected relative rms error of the markers (level 3: against level 1 on
             the same mesh); at level 2 the certificate's residual, force imbalance over contact force, which is no error
             of the markers; 0 at level 1, and in states interpolated in :mod:`sensing.simulator.similarity`, whose error

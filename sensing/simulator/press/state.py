@@ -36,7 +36,8 @@ class Certificate:
     """Certificate of a state: the measures by which it can be trusted.
 
     Attributes:
-        residual: norm of the force imbalance over the norm of the contact forces.
+        residual: norm of the force imbalance over the norm of the contact forces, or over 1 N where that is more
+            (:data:`sensing.simulator.press.newton.FLOOR_N`).
         wrench_gap: largest difference of contact and clamp wrench over the load (moments over load times R).
         penetration_mm: largest at a Gauss point, mm (penalty contact violates no other condition).
         reach_mm: largest anywhere on the surface, mm; no Gauss point measures its excess over ``penetration_mm``.
@@ -102,8 +103,8 @@ class Patch:
     Attributes:
         position: (k, 3), mm, deformed, endcap frame.
         area: reference area of each (k,), mm2.
-        pressure: (k,), MPa.
-        traction: friction on the shell (k, 3), MPa.
+        pressure: (k,), MPa per reference area.
+        traction: friction on the shell (k, 3), MPa per reference area.
         slipping: (k,) boolean.
     """
 

@@ -23,6 +23,7 @@ from sensing.simulator.solid.shell import ShellModel
 MAX_REACH = 0.15  # of depth or radius: reach between Gauss points; about the relative error of the force
 REACH_FLOOR_MM = 0.1  # the first touch of a plane lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact force, on nodes that the clamp holds
+ROUND_OFF = 1e-6  # of a force: by less than this it has not fallen
 STRIDE = 0.5  # of a body's radius: its largest step, so that its centre stays outside the shell
 _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])  # (g, 9, 2) local gradients at the Gauss points
 
@@ -51,7 +52,8 @@ def warn_of_fall(solved: Sequence[SceneState]) -> None:
     """
     for before, here in pairwise(solved):
         slope = here.certificate.force_stiffness_n_mm if here.certificate else 0.0
-        if here.depth_mm > before.depth_mm and (here.normal_n < before.normal_n or slope < 0):
+        fell = here.normal_n < before.normal_n * (1 - ROUND_OFF)
+        if here.shift_mm == before.shift_mm and here.depth_mm > before.depth_mm and (fell or slope < 0):
             falls = f"from {before.normal_n:.4g} to {here.normal_n:.4g} N" if slope >= 0 else f"by {-slope:.3g} N/mm"
             LOG.warning(
                 f"the force falls {falls} at {here.depth_mm:.3g} mm of depth: the shell snaps, or its mesh is too "

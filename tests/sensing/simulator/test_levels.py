@@ -244,10 +244,10 @@ def test_a_press_past_a_snap_says_where_the_force_fell(simulator, monkeypatch, c
     """Its last state looked like any other: the force had risen again, on another branch than a finer mesh's."""
     fell = {2.0: 5.0, 3.9: 7.1, 5.85: 6.6, 7.8: 9.4}
 
-    def pressed(forces: dict[float, float], slope: float = 2.0) -> str:
-        certificate = SimpleNamespace(force_stiffness_n_mm=slope)
-        made = [SimpleNamespace(depth_mm=d, normal_n=n, certificate=certificate) for d, n in forces.items()]
-        states = iter(made)
+    def pressed(forces: dict[float, float], slope: float = 2.0, travel_mm: float = 0.0) -> str:
+        common = {"certificate": SimpleNamespace(force_stiffness_n_mm=slope)}
+        shift = {depth: (0.0, travel_mm * depth) for depth in forces}
+        states = iter([SimpleNamespace(depth_mm=d, normal_n=n, shift_mm=shift[d], **common) for d, n in forces.items()])
         monkeypatch.setattr(Simulator, "_answers", lambda *_: lambda _: next(states))
         monkeypatch.setattr(LOG, "propagate", True)  # to caplog
         caplog.clear()
@@ -257,4 +257,5 @@ def test_a_press_past_a_snap_says_where_the_force_fell(simulator, monkeypatch, c
     assert "the force falls from 7.1 to 6.6 N at 5.85 mm of depth: the shell snaps" in pressed(fell)
     rose = dict(zip(fell, sorted(fell.values()), strict=True))
     assert "the force falls by 1.5 N/mm at 3.9 mm of depth" in pressed(rose, slope=-1.5)
-    assert pressed(rose) == ""
+    assert pressed(rose) == "" == pressed(fell, travel_mm=0.5)  # under a given force a sideways pull lets it sink in
+    assert pressed({2.0: 7.0, 3.9: 7.0 - 1e-9, 5.85: 7.5, 7.8: 8.0}) == ""

@@ -28,7 +28,10 @@ from sensing.camera.nominal import nominal_mount
 from sensing.design.weights import DesignRequest
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.symmetry import disc_cells
-from sensing.simulator.scene import SceneState
+from sensing.simulator.contact.indenter import Indenter
+from sensing.simulator.press.press import Target
+from sensing.simulator.press.ramp import by_force
+from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.similarity.labelled import shell_of
 from sensing.simulator.similarity.ratios import about
 from sensing.tensegrity.description import GRAVITY_M_S2
@@ -65,8 +68,11 @@ class Pressed:
         self._sensor = MarkerSensor(DESIGN, model.shape, PLAIN, np.random.default_rng(0))
 
     def press(self, load_n: float, tilt_deg: float, drag: float = 0.0) -> SceneState:
-        """A press, then a drag of so many walls along the meridian and across it."""
-        return self.simulator.press(load_n, tilt_deg, (drag * DESIGN.wall_mm,) * 2)
+        """A press, then a drag of so many walls along the meridian and across it, in one step."""
+        targets = by_force(self.simulator.geometry, self.simulator.law, load_n)
+        if drag:
+            targets.append(Target(load_n, shift_mm=(drag * DESIGN.wall_mm,) * 2))
+        return list(self.simulator.follow(Scene(Indenter(tilt_deg)), targets))[-1]
 
     def truth(self, state: SceneState) -> np.ndarray:
         """(6,) wrench about the sphere's centre, N and N m."""

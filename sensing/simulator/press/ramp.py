@@ -1,8 +1,13 @@
-"""Targets of one press from the untouched shell: a normal force or a depth in equal steps, then a tangential travel."""
+"""Targets of one press from the untouched shell: a normal force or a depth in equal steps, then a tangential travel.
+
+The travel has steps, too: friction remembers where it came from, and turns into the direction of the travel only over
+some millimetres. In one step of 5 mm across it was 2.4 degrees, and the displacement 2.5 %, behind that of ten steps.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +21,7 @@ from sensing.simulator.solid.geometry import ShellGeometry
 MOST_N = 10_000.0  # E: N, more than any shell bears within the depths that are modelled
 MOST_TRAVEL = 2.0  # of R: by then a plane slides and its state no longer changes; another body has left the dome
 STEP_N = 5.0  # N, largest load step; on a softer shell as much less as it bears
+TRAVEL_STEP, MOST_STEPS = 0.125, 10  # of T, largest step of a travel: 1 mm at T=8; past so many steps the body slides
 DEPTH_STEP = 0.03  # of R, largest step of a depth: 2 mm at D=130, where 5 N press as deep
 
 
@@ -44,8 +50,7 @@ def ramp(
     else:
         given = "neither" if depth_mm is None else "both"
         raise ParameterError(f"normal_n and depth_mm: {given} given; give exactly one", name="depth_mm", value=depth_mm)
-    slid = Target(end[-1].normal_n, end[-1].depth_mm, shift_mm)
-    return [*end, slid] if any(shift_mm) else end
+    return [*end, *_travel(geometry, end[-1], shift_mm)]
 
 
 def by_force(geometry: ShellGeometry, law: HyperelasticLaw, normal_n: float) -> list[Target]:
@@ -83,6 +88,13 @@ def by_depth(geometry: ShellGeometry, depth_mm: float) -> list[Target]:
         raise Refusal("range", f"depth_mm={depth_mm:g} outside {limits}")
     steps = math.ceil(depth_mm / (DEPTH_STEP * radius_mm))
     return [Target(depth_mm=float(part * depth_mm)) for part in np.linspace(0, 1, steps + 1)[1:]]
+
+
+def _travel(geometry: ShellGeometry, pressed: Target, shift_mm: tuple[float, float]) -> list[Target]:
+    """Equal steps of :data:`TRAVEL_STEP` T or less, but :data:`MOST_STEPS` at most; none without travel."""
+    steps = min(MOST_STEPS, math.ceil(float(np.hypot(*shift_mm)) / (TRAVEL_STEP * geometry.wall_mm)))
+    parts = [float(part) for part in np.linspace(0, 1, steps + 1)[1:]]
+    return [replace(pressed, shift_mm=(part * shift_mm[0], part * shift_mm[1])) for part in parts]
 
 
 def _require_travel(geometry: ShellGeometry, shift_mm: tuple[float, float]) -> None:

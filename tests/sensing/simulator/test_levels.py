@@ -18,6 +18,7 @@ from sensing.simulator.__main__ import main
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Press, Target
+from sensing.simulator.press.ramp import ramp
 from sensing.simulator.press.state import Refusal
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import shell_geometry
@@ -259,3 +260,19 @@ def test_a_press_past_a_snap_says_where_the_force_fell(simulator, monkeypatch, c
     assert "the force falls by 1.5 N/mm at 3.9 mm of depth" in pressed(rose, slope=-1.5)
     assert pressed(rose) == "" == pressed(fell, travel_mm=0.5)  # under a given force a sideways pull lets it sink in
     assert pressed({2.0: 7.0, 3.9: 7.0 - 1e-9, 5.85: 7.5, 7.8: 8.0}) == ""
+
+
+def test_a_sideways_pull_is_that_of_many_steps(simulator: Simulator) -> None:
+    """In one step the force across was 2.4 degrees behind, and the dots 2.5 % off: friction turns with the travel."""
+    pulled = simulator.press(5.0, 30.0, (0.0, 2.5))
+    path = [Target(normal_n=5.0, shift_mm=(0.0, 2.5 * part)) for part in np.linspace(0, 1, 17)]
+    exact = list(simulator.follow(Scene(Indenter(30.0)), path))[-1]
+    missed = pulled.surface_mm - exact.surface_mm
+    assert np.linalg.norm(missed) < 0.012 * np.linalg.norm(exact.surface_mm)
+    assert pulled.shift_mm == (0.0, 2.5)
+
+
+def test_a_long_travel_takes_few_steps() -> None:
+    ends = [ramp(GEOMETRY, LAW, 5.0, None, (0.0, travel)) for travel in (0.0, 0.9, 2.5, 60.0)]
+    assert [len(end) - 1 for end in ends] == [0, 1, 3, 10]
+    assert ends[-1][-1] == Target(normal_n=5.0, shift_mm=(0.0, 60.0))

@@ -12,13 +12,12 @@
 4   polynomials fitted to level 2 (a library)                   path, stick and slip; planes only; no contact patch
 ==  ==========================================================  =====================================================
 
-A state that a level cannot certify is solved by the level above it; ``SceneState.level`` states which one. Paths in the
-mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. A caller requests
-azimuth 0 and turns the result: ``markers`` samples the turned field,
-:func:`sensing.simulator.solid.surface.turn_wrench` turns the wrench. Level 4 takes targets given by
-normal and tangential force (``Target(normal_n, tangential_n=...)``, or :meth:`Simulator.bulk` for many at once); it
-has no path, so a fall-back presses and then pulls. Level 3 is trained when it first meets a plane at a tilt (some
-hundred level 2 states), so it suits many states at few tilts.
+A state that a level cannot certify is solved by the level above it; ``SceneState.level`` states which one. Paths in
+the mirror plane (``shift`` and tangential force along the meridian only) are solved on half of the mesh. Contacts lie
+on azimuth 0: ``markers`` turns the field, :func:`sensing.simulator.solid.surface.turn_wrench` the wrench. Level 4
+takes targets given by normal and tangential force (``Target(normal_n, tangential_n=...)``, or :meth:`Simulator.bulk`
+for many at once); it has no path: a fall-back of ``bulk`` presses in steps, then pulls; one of ``follow`` goes
+straight from the last one. Level 3 is trained when it first meets a plane at a tilt (some hundred level 2 states).
 
 Rate effects (levels 1 and 2) need the silicone's series, and targets then state the times at which they are reached:
 
@@ -42,7 +41,7 @@ from sensing.simulator.press import tangential, validity
 from sensing.simulator.press.condensed import StoredTangent
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
-from sensing.simulator.press.ramp import ramp
+from sensing.simulator.press.ramp import by_force, ramp
 from sensing.simulator.press.state import Refusal, State, contact_patch
 from sensing.simulator.reduced.basis import ReducedModel
 from sensing.simulator.reduced.library import Library
@@ -186,7 +185,7 @@ class Simulator:
     ) -> BulkStates:
         """Level 4 states of a plane.
 
-        States outside the library's range, or with too large an error estimate, are solved on level 2, one by one.
+        States outside the library's range, or with too large an error estimate, are pressed one by one on level 2.
 
         Args:
             tilt_deg: polar angles of first contact (s,), degrees.
@@ -207,8 +206,9 @@ class Simulator:
             )
         found = self._library.bulk(tilt_deg, normal_n, tangential_n, friction, azimuth_deg)
         for k in np.flatnonzero(found.level == 2):
-            target = Target(float(normal_n[k]), tangential_n=(float(tangential_n[k, 0]), float(tangential_n[k, 1])))
-            state = self.walk(Scene(Indenter(float(tilt_deg[k])), friction))(target)
+            walk, load_n = self.walk(Scene(Indenter(float(tilt_deg[k])), friction)), float(normal_n[k])
+            pulled = Target(load_n, tangential_n=(float(tangential_n[k, 0]), float(tangential_n[k, 1])))
+            *_, state = map(walk, [*by_force(self.geometry, self.law, load_n), pulled])
             found.marker_mm[k] = self.markers(state, azimuth_deg)
             found.wrench[k] = turn_wrench(state.wrench, azimuth_deg)
             found.error_estimate[k], found.level[k] = state.error_estimate, state.level

@@ -94,6 +94,17 @@ def test_out_of_range_goes_to_level_2(library: Library) -> None:
     assert np.isfinite(many.marker_mm).all() and many.error_estimate[0] > many.error_estimate[2]
 
 
+def test_a_state_that_falls_back_is_pressed_in_steps_then_pulled(library: Library, exact: Simulator) -> None:
+    """In one step to force and pull at once it was 1 % off, and its torque by 0.02 N m, which no certificate showed."""
+    simulator = Simulator(GEOMETRY, LAW, "draft", level=4, library=library)
+    found = simulator.bulk(np.array([TILT]), np.array([45.0]), np.array([[0.0, 10.0]]), 0.5)
+    steps = [Target(force) for force in np.linspace(5.0, 45.0, 9).tolist()]
+    *_, state = map(exact.walk(Scene(Indenter(TILT), 0.5)), [*steps, Target(45.0, tangential_n=(0.0, 10.0))])
+    moved = exact.markers(state)
+    assert found.level[0] in (1, 2)
+    assert np.linalg.norm(found.marker_mm[0] - moved) < 2e-3 * np.linalg.norm(moved)
+
+
 def test_an_estimate_over_the_limit_falls_back(library: Library) -> None:
     vague = replace(library, even_below=2 * library.even)
     simulator = Simulator(GEOMETRY, LAW, "draft", level=4, library=vague)

@@ -27,6 +27,7 @@ from sensing.simulator.verification import calculix as verify_calculix
 UNSEEN_TILTS_DEG = (23.0, 50.0)  # between tilts of the fit
 # States, seed and Coulomb coefficient of a path outside the fit.
 UNSEEN_STATES, UNSEEN_SEED, UNSEEN_FRICTION = 30, 99, 0.5
+NOT_INSTALLED = "Not installed where this report was made (`apt-get install calculix-ccx`).\n"
 
 
 def table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -139,7 +140,7 @@ def level_4_section() -> str:
 def calculix_section() -> str:
     """Level 1 against CalculiX."""
     if shutil.which("ccx") is None:
-        return "## CalculiX\n\nNot installed where this report was made (`apt-get install calculix-ccx`).\n"
+        return f"## CalculiX\n\n{NOT_INSTALLED}"
     rows = []
     for density in (MeshDensity(4, 7, 2), MeshDensity(6, 9, 2), MeshDensity(8, 13, 2)):
         name = f"core {density.core}, rings {density.rings}, layers {density.layers}"

@@ -89,6 +89,9 @@ def main(arguments: list[str] | None = None) -> int:
         for name in options.only:
             begin = time.process_time()
             title, *rest = SECTIONS[name](options.out).split("\n", 1)
+            if title in parts and verify_levels.NOT_INSTALLED in rest[0]:
+                LOG.warning(f"{path}: CalculiX is not installed (apt-get install calculix-ccx): its section stays")
+                continue
             parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
             text = [HEAD, *(f"{each}\n{parts[each]}" for each in sorted(parts, key=_place))]
             put_file(path, "\n".join(text).encode())

@@ -6,6 +6,7 @@ import pytest
 
 from cad.errors import EndcapError
 from sensing.simulator.verification import report as verify
+from sensing.simulator.verification.levels import NOT_INSTALLED
 
 REPORT = Path(__file__).parents[4] / "docs" / "verification.md"
 
@@ -32,6 +33,18 @@ def test_renewing_one_section_keeps_the_others_and_the_order(tmp_path: Path, mon
     assert list(after) == sorted(before, key=verify._place)
     assert after["## The solid"].startswith("\nanew\n")
     assert all(after[title] == body for title, body in before.items() if title != "## The solid")
+
+
+def test_where_calculix_is_missing_its_comparison_stays(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Renewing the whole report put "Not installed" in place of the table that another computer had made."""
+    monkeypatch.setattr("sensing.simulator.verification.levels.shutil.which", lambda _: None)
+    path = tmp_path / "verification.md"
+    assert verify.main(["--out", str(tmp_path), "--only", "calculix"]) == 0
+    assert NOT_INSTALLED in path.read_text(encoding="utf-8")
+    path.write_bytes(REPORT.read_bytes())
+    assert verify.main(["--out", str(tmp_path), "--only", "calculix"]) == 0
+    assert path.read_bytes() == REPORT.read_bytes()
+    assert "CalculiX is not installed (apt-get install calculix-ccx): its section stays" in capsys.readouterr().err
 
 
 def test_a_section_without_a_place_is_a_fault() -> None:

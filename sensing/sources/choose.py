@@ -13,6 +13,7 @@ from cad.errors import FileError
 from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource, device_number, lasting_name
+from sensing.sources.coding import coding_doubt
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
 from sensing.sources.newest import FrameSource, OnArrival
@@ -74,3 +75,5 @@ def open_frames(word: str) -> Iterator[Iterable[Frame]]:
             close()
     if note := getattr(source, "note", ""):  # of a video that ended too early
         LOG.warning(note)
+    if coding := getattr(source, "coding", ""):
+        LOG.warning(f"{word}: {coding_doubt(coding)}")

@@ -119,6 +119,9 @@ class Capture:
     def isOpened(self):
         return True
 
+    def getBackendName(self):
+        return "none that knows codings"
+
     def release(self):
         """Nothing to let go."""
 
@@ -141,7 +144,7 @@ def test_frames_of_a_video_have_the_times_that_it_states(tmp_path, monkeypatch, 
 
 @pytest.mark.parametrize(("stated", "note"), [(9, "ended after 3 of the 9 frames"), (4, ""), (3, ""), (-9e18, "")])
 def test_a_video_that_ends_before_its_stated_count_says_so(tmp_path, monkeypatch, capsys, stated, note):
-    (tmp_path / "v.mp4").write_bytes(b"x")
+    (tmp_path / "v.mp4").write_bytes(b"\0\0\0\x18ftyp")
     monkeypatch.setattr("sensing.sources.files.cv2.VideoCapture", lambda _: Capture([0, 40, 80], stated))
     source = VideoSource(tmp_path / "v.mp4")
     assert len(list(source)) == 3 and (note in source.note) and bool(source.note) == bool(note)

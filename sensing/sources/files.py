@@ -63,7 +63,8 @@ class FolderSource:
         self.name, self.note = str(folder), ""
         self._rate_hz, self._faulty = rate_hz, faulty
         try:
-            pictures = [p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES]
+            there = [p for p in Path(folder).iterdir() if not p.name.startswith(".")]  # macOS puts ._a.jpg beside a.jpg
+            pictures = [p for p in there if p.suffix.lower() in PICTURES]
             self._paths = sorted(pictures, key=lambda path: (_by_number(path.name), path.name))
         except OSError as error:
             raise FileError(f"{folder}: {error.strerror or error}: give a readable folder of pictures") from None

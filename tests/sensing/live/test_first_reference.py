@@ -1,12 +1,17 @@
-"""The wait for a first reference: a slow computer is waited for, a camera without frames is not."""
+"""The wait for a first reference: for a slow computer, not for a camera without frames; no dark picture serves."""
 
 import time
 from types import SimpleNamespace
 
+import cv2
+import numpy as np
 import pytest
+from live_stand_in import film, pipeline
 
 from sensing.live.core import first_reference
 from sensing.live.core.first_reference import without_reference
+from sensing.live.core.state import Event
+from sensing.records import Frame
 
 
 def endcap(zero_after_s: float, computes: bool = True, message: str = "leave it untouched"):
@@ -41,3 +46,19 @@ def test_a_camera_that_gives_no_frame_or_only_refused_ones_is_given_up():
 
 def test_a_computation_that_does_not_end_is_named():
     assert "not zeroed in 1 s: the computer is too busy" in without_reference(endcap(9.0))
+
+
+def test_a_first_picture_in_which_darkness_hides_dots_is_no_reference_and_the_next_is():
+    """Of a video whose camera settles its exposure all later forces were off, by 20 N under 19 N."""
+    bright = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1) for jpeg in film([0.0] * 4)]
+    dark = (bright[0] * 0.15).astype(np.uint8)
+    dark[:, :320] = dark[240, 320]  # half of the dots are drowned
+    endcap = pipeline()
+    assert endcap.update(Frame(0.0, 0, "test", image=dark)) is None
+    assert endcap.update(Frame(1 / 30, 1, "test", image=dark)) is None
+    assert endcap.outcome[0] is Event.REFUSED and "gray value" in endcap.outcome[1]
+    reading = endcap.update(Frame(2 / 30, 2, "test", image=bright[1]))
+    assert reading.valid and not reading.wrench.flags & {"dark", "dots_missing"}
+    confirmed = pipeline()
+    confirmed.request_zero(confirmed=True)
+    assert confirmed.update(Frame(0.0, 0, "test", image=dark)).valid

@@ -24,7 +24,10 @@ TRUSTED = ("mjpg", "ffv1", "gif", "apng", "rle", "zmbv", "tscc", "cscd")
 ENOUGH_BITS = 2.0  # M, a pixel: from here on errors were within three standard deviations, see above
 RECORD = "record MJPEG or a lossless video; converting this one does not bring back what it left out"
 MISSING = 2  # frames less than stated: containers without an index state an estimate, which may be off by one
-COUNTING = (b"RIFF", b"ftyp")  # at byte 0 or 4: AVI, MP4 and MOV state a count; others a time, of which OpenCV makes one
+COUNTING = (
+    b"RIFF",
+    b"ftyp",
+)  # at byte 0 or 4: AVI, MP4 and MOV state a count; others a time, of which OpenCV makes one
 
 
 def coding_of(capture: cv2.VideoCapture, path: Path | str) -> str:

@@ -132,7 +132,7 @@ class VideoSource:
         try:
             if not capture.isOpened() or not capture.read()[0]:
                 raise FileError(
-                    f"{path}: no video that OpenCV can read: it is cut, no video, or of a coding without a decoder here, "
+                    f"{path}: no video that OpenCV can read: it is cut, no video, or of a coding without a decoder, "
                     "such as AV1: give a whole one, best MJPEG in .avi"
                 )
         finally:

@@ -25,7 +25,8 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
-from sensing.calibration.rest_picture import DARK, DOTS_MISSING, picture_doubts
+from sensing.calibration.rest_picture import DARK, DOTS_MISSING, light_doubts, picture_doubts
+from sensing.camera.light import light_of
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_gray
 from sensing.live.core.model import WrenchEstimator
@@ -196,7 +197,7 @@ class ReferenceTaker:
         )
         method = self._build(zero)
         if not request.confirmed and isinstance(method, ModelInput):
-            _require_light(zero, self._params, method.tracker)
+            _require_light(zero, self._params, method)
         if single:
             return Reference(zero, method)
         if not request.confirmed and isinstance(method, ModelInput):
@@ -258,14 +259,17 @@ def misplaced_px(zero: Zero, params: EndcapParams, tracker: DotTracker | None = 
     return fitted.misplaced_px
 
 
-def _require_light(zero: Zero, params: EndcapParams, tracker: DotTracker) -> None:
+def _require_light(zero: Zero, params: EndcapParams, method: ModelInput) -> None:
     """Refuse a picture in which darkness hides dots, as the first of many cameras, whose exposure is yet to settle.
 
     Forces against it were off by 20 N under 19 N; the next picture may be a good one.
     """
-    doubts = picture_doubts(zero.image, tracker.reference_px, params, None)
-    if DARK in doubts and DOTS_MISSING in doubts:
-        raise ZeroError(f"{doubts[DARK]}; so far only {len(tracker.reference_px)} dots are seen")
+    dark = light_doubts(light_of(zero.image)).get(DARK)
+    if not dark:
+        return
+    dots_px = method.tracker.reference_px
+    if DOTS_MISSING in picture_doubts(zero.image, dots_px, params, None):
+        raise ZeroError(f"{dark}; so far only {len(dots_px)} dots are seen")
 
 
 def _require_unpressed(force_n: float, most_n: float) -> None:

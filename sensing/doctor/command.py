@@ -69,7 +69,7 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
 
 
 def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recorded: Recorded) -> Iterator[Report]:
-    if word.endswith(".mcap"):
+    if word.lower().endswith(".mcap"):
         for endcap, held, pictures in recorded(Path(word)):
             design = agreed_design(options, held, word)
             yield examine(f"{word}: {endcap}", take_file(pictures, options.frames), design, timed=True)

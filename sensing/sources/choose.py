@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad import plugins
-from cad.errors import FileError
+from cad.errors import FileError, printable
 from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource, device_number, lasting_name
@@ -45,6 +45,11 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     path = Path(word)
     if os.path.isdir(word):
         return lambda: FolderSource(path), False
+    if not os.path.isfile(word) and ":/" in word:  # a path makes one slash of two
+        raise FileError(
+            f"{printable(word)}: no file, and no address that can be read: a camera on the network serves MJPEG and is "
+            "given as http://HOST/... (--url of live)"
+        )
     if not os.path.isfile(word):  # unlike the methods of Path, these take any text
         raise FileError(f"{word}: no camera number, address, folder or file: check the spelling")
     if path.suffix.lower() in PICTURES:

@@ -12,11 +12,13 @@ from statistics import median
 import cv2
 
 from cad.errors import FileError
+from cad.extras import program
 from sensing.decode import decode_file, jpeg_size
 from sensing.records import Frame
 from sensing.sources.coding import coding_of, cut_note
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
+RECORDINGS = {b"\x89MCAP0\r\n": "MCAP", b"#ROSBAG": "ROS 1 bag", b"SQLite format 3\0": "ROS 2 bag"}
 DEFAULT_RATE_HZ = 30.0
 GAP_STEPS = 1.5  # of the usual step of a folder's numbers, which may be times that scatter
 
@@ -119,15 +121,14 @@ class VideoSource:
         coding: so far, as of :func:`sensing.sources.coding.coding_of`.
 
     Raises:
-        FileError: no such file, or no video that OpenCV can open.
+        FileError: no such file, a recording, or no video that OpenCV can open.
     """
 
     def __init__(self, path: Path | str) -> None:
         self.name, self.note, self.coding = str(path), "", ""
         if not os.path.isfile(path):  # unlike the method of Path, of a locked folder, too
             raise FileError(f"{path}: no such file: give a video")
-        if not os.path.getsize(path):
-            raise FileError(f"{path}: an empty file, no video: copy or record it again")
+        _require_no_recording(path)
         capture = cv2.VideoCapture(self.name)
         try:
             if not capture.isOpened() or not capture.read()[0]:
@@ -154,6 +155,24 @@ class VideoSource:
             self.note = cut_note(self.name, capture, sequence, time_s)
         finally:
             capture.release()
+
+
+def _require_no_recording(path: Path | str) -> None:
+    """Refuse what FFmpeg would search for JPEGs: it mixes the cameras of a recording, and invents their times.
+
+    Raises:
+        FileError: an empty file, or a recording.
+    """
+    with open(path, "rb") as file:
+        head = file.read(max(map(len, RECORDINGS)))
+    if not head:
+        raise FileError(f"{path}: an empty file, no video: copy or record it again")
+    kind = next((name for mark, name in RECORDINGS.items() if head.startswith(mark)), "")
+    if kind:
+        raise FileError(
+            f"{path}: a recording ({kind}), no video: give one of ours to {program('python -m sensing.live')} --replay, "
+            "and the pictures of one camera of another as files in a folder"
+        )
 
 
 class _Times:

@@ -206,6 +206,15 @@ def test_pictures_of_a_folder_come_in_the_order_in_which_they_were_numbered(tmp_
     assert [Path(frame.source).name for frame in FolderSource(tmp_path)] == names
 
 
+@pytest.mark.parametrize("mark", [b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n", b"SQLite format 3\0", b""])
+def test_a_recording_is_no_video_though_ffmpeg_finds_jpegs_in_it(tmp_path, mark):
+    """Of an MCAP of six cameras live showed one endcap that ran, with times of 25 pictures a second."""
+    path = tmp_path / "run.avi"
+    path.write_bytes(mark + (b"\0" * 90 + jpeg(9)) * 9 if mark else b"")
+    with pytest.raises(FileError, match=r"a recording \(.*--replay" if mark else "an empty file"):
+        VideoSource(path)
+
+
 def test_hidden_files_are_no_pictures_of_a_folder(tmp_path):
     """macOS leaves ._1.jpg beside 1.jpg on sticks and shares: it came first, and the reference could not be read."""
     for name in ("shot_1.jpg", "shot_2.jpg"):

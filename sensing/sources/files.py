@@ -170,8 +170,8 @@ def _require_no_recording(path: Path | str) -> None:
     kind = next((name for mark, name in RECORDINGS.items() if head.startswith(mark)), "")
     if kind:
         raise FileError(
-            f"{path}: a recording ({kind}), no video: give one of ours to {program('python -m sensing.live')} --replay, "
-            "and the pictures of one camera of another as files in a folder"
+            f"{path}: a recording ({kind}), no video: give one of ours to {program('python -m sensing.live')} "
+            "--replay, and the pictures of one camera of another as files in a folder"
         )
 
 

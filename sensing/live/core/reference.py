@@ -25,10 +25,10 @@ from cad.params import EndcapParams
 from sensing.calibration.dots import CalibrationError
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
-from sensing.calibration.rest_picture import DARK, DOTS_MISSING, light_doubts, picture_doubts
-from sensing.camera.light import light_of
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_gray
+from sensing.live.core.camera_check import CameraCheck
+from sensing.live.core.dark_pictures import DarkPictures
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
 from sensing.tracking.dots import find_dots
@@ -72,6 +72,7 @@ class ReferenceTaker:
         build: sets up the method.
         estimator, most_n: a difference estimated as more is a press.
         gain: from the estimator's force to the endcap's, in whose newtons ``most_n`` is.
+        check: of a method that was built; None for those without.
 
     Attributes:
         reason: why the last one was refused, or what goes on; empty when nothing does.
@@ -87,10 +88,12 @@ class ReferenceTaker:
         estimator: WrenchEstimator,
         most_n: float,
         gain: float = 1.0,
+        check: Callable[[FieldMethod], CameraCheck | None] = lambda _: None,
     ) -> None:
         self._name, self._params, self._count, self._build = name, params, frames, build
-        self._estimator, self._most_n, self._gain = estimator, most_n, gain
+        self._estimator, self._most_n, self._gain, self._check = estimator, most_n, gain, check
         self._stopped = False
+        self._dark = DarkPictures()
         self._lock = threading.Lock()  # of the fields below, which three threads change
         self._request: _Request | None = None  # None once it is answered
         self._made: Reference | EndcapError | None = None
@@ -195,9 +198,11 @@ class ReferenceTaker:
             if single
             else take_zero(request.frames, self._name, self._params)
         )
+        if not request.confirmed:
+            self._dark.require_brighter(zero.image)
         method = self._build(zero)
-        if not request.confirmed and isinstance(method, ModelInput):
-            _require_light(zero, self._params, method)
+        if not request.confirmed:
+            self._dark.require_light(self._check(method), zero.image)
         if single:
             return Reference(zero, method)
         if not request.confirmed and isinstance(method, ModelInput):
@@ -257,19 +262,6 @@ def misplaced_px(zero: Zero, params: EndcapParams, tracker: DotTracker | None = 
     except CalibrationError:
         return 0.0
     return fitted.misplaced_px
-
-
-def _require_light(zero: Zero, params: EndcapParams, method: ModelInput) -> None:
-    """Refuse a picture in which darkness hides dots, as the first of many cameras, whose exposure is yet to settle.
-
-    Forces against it were off by 20 N under 19 N; the next picture may be a good one.
-    """
-    dark = light_doubts(light_of(zero.image)).get(DARK)
-    if not dark:
-        return
-    dots_px = method.tracker.reference_px
-    if DOTS_MISSING in picture_doubts(zero.image, dots_px, params, None):
-        raise ZeroError(f"{dark}; so far only {len(dots_px)} dots are seen")
 
 
 def _require_unpressed(force_n: float, most_n: float) -> None:

@@ -9,9 +9,11 @@ import pytest
 from live_stand_in import film, pipeline
 
 from sensing.live.core import first_reference
+from sensing.live.core.dark_pictures import AGAIN, DarkPictures
 from sensing.live.core.first_reference import without_reference
 from sensing.live.core.state import Event
 from sensing.records import Frame
+from sensing.tracking.zero import ZeroError
 
 
 def endcap(zero_after_s: float, computes: bool = True, message: str = "leave it untouched"):
@@ -62,3 +64,18 @@ def test_a_first_picture_in_which_darkness_hides_dots_is_no_reference_and_the_ne
     confirmed = pipeline()
     confirmed.request_zero(confirmed=True)
     assert confirmed.update(Frame(0.0, 0, "test", image=dark)).valid
+
+
+def test_of_pictures_that_stay_dark_one_in_thirty_is_looked_at_and_every_brighter_one():
+    refused = SimpleNamespace(flags=frozenset({"dark", "camera_misfit"}), reason="too dark")
+    image, brighter, dark = np.full((48, 64), 20, np.uint8), np.full((48, 64), 23, np.uint8), DarkPictures()
+    dark.require_brighter(image)
+    with pytest.raises(ZeroError):
+        dark.require_light(refused, image)
+    for _ in range(AGAIN - 1):
+        with pytest.raises(ZeroError, match="too dark"):
+            dark.require_brighter(image)
+    dark.require_brighter(image)
+    dark.require_brighter(brighter)
+    dark.require_light(SimpleNamespace(flags=frozenset({"dark"}), reason=""), brighter)  # all dots are there
+    dark.require_brighter(image)

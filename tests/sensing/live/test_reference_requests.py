@@ -12,7 +12,7 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.reference import PressedError, ReferenceTaker
 from sensing.records import Frame
 
-FRAME, LAST = Frame(0.0, 0, "a", jpeg=b"x"), SimpleNamespace(image=np.full((2, 2), 150.0))
+FRAME, LAST = Frame(0.0, 0, "a", jpeg=b"x"), SimpleNamespace(image=np.zeros((2, 2)))
 PRESS_N = 9.0
 
 

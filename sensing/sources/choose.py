@@ -63,8 +63,12 @@ def is_camera_number(word: str) -> bool:
 
 
 @contextmanager
-def open_frames(word: str) -> Iterator[Iterable[Frame]]:
+def open_frames(word: str, warn_of_coding: bool = True) -> Iterator[Iterable[Frame]]:
     """Frames of a source, which is closed afterwards; those of a camera as they arrive.
+
+    Args:
+        word: as of :func:`source_opener`.
+        warn_of_coding: of a video that keeps parts of its pictures; not for readers whose readings are flagged for it.
 
     Raises:
         FileError: nothing of that name.
@@ -80,5 +84,5 @@ def open_frames(word: str) -> Iterator[Iterable[Frame]]:
             close()
     if note := getattr(source, "note", ""):  # of a video that ended too early
         LOG.warning(note)
-    if coding := getattr(source, "coding", ""):
+    if warn_of_coding and (coding := getattr(source, "coding", "")):
         LOG.warning(f"{word}: {coding_doubt(coding)}")

@@ -51,6 +51,16 @@ def test_commands_that_take_a_video_name_its_coding(tmp_path, capsys):
     assert [each["verdict"] for each in report["findings"] if each["name"] == "coding"] == ["look"]
 
 
+def test_the_doctor_calls_a_cut_video_bad(tmp_path, capsys):
+    whole = written(tmp_path / "a.avi", "MJPG")
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 6 // 10])
+    for path, verdicts in ((whole, []), (cut, ["bad"])):
+        sources(["check", "--json", str(path)])
+        (report,) = json.loads(capsys.readouterr().out)
+        assert [each["verdict"] for each in report["findings"] if each["name"] == "file"] == verdicts
+
+
 class Capture:
     """A video of 640x480 in a coding, as OpenCV describes it."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,8 +19,11 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, FileError
 from sensing.records import Frame, Image
 
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # an error of ours is one line, without its warnings
+
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
 STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # pixels as they lie in a file, never turned by its EXIF
+TIFF: dict[bytes, Literal["little", "big"]] = {b"II*\0": "little", b"MM\0*": "big"}
 MOST_PIXELS = 1 << 26  # of a picture: a few bytes of a damaged or hostile file may claim gigabytes
 
 
@@ -110,8 +114,13 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
         types: that it may have, for messages.
 
     Raises:
-        FileError: no picture, or one of more pixels than :data:`MOST_PIXELS`.
+        FileError: no picture, several in one file, or one of more pixels than :data:`MOST_PIXELS`.
     """
+    if _holds_several(data):
+        raise FileError(
+            f"{path}: holds several pictures, of which only the first would be read: save each as a file of its own in "
+            "a folder, or all as a video"
+        )
     size = picture_size(data)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise FileError(
@@ -125,8 +134,21 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
     if image is None:
         known = data.startswith((b"\xff\xd8", b"\x89PNG"))
         remedy = "it is damaged or cut, copy it again" if known else f"give a file of type {types}"
+        if data.startswith(tuple(TIFF)):
+            remedy = "it is damaged, or its numbers are none of 8 or 16 bits: save it so"
         raise FileError(f"{path}: {'no' if data else 'an empty file, no'} picture that can be decoded: {remedy}")
     return np.asarray(image, dtype=np.uint8)
+
+
+def _holds_several(data: bytes) -> bool:
+    """Whether a TIFF has more than one page, or a PNG is animated; thumbnails count as pages, too."""
+    if data[:4] in TIFF:
+        order = TIFF[data[:4]]
+        first = int.from_bytes(data[4:8], order)
+        entries = int.from_bytes(data[first : first + 2], order)
+        after = first + 2 + 12 * entries  # TIFF 6.0, section 2: the place of the next page follows the entries
+        return any(data[after : after + 4])
+    return png_size(data) is not None and b"acTL" in data[: data.find(b"IDAT")]
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:

@@ -30,6 +30,7 @@ from cad.whole_file import replace_file, require_place
 from sensing.arguments import pair
 from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
+from sensing.sources.coding import coding_doubt
 from sensing.sources.files import FolderSource, VideoSource, read_picture
 from sensing.tracking.field_picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
@@ -129,8 +130,10 @@ def _run(options: argparse.Namespace) -> None:
             transient(f"{len(results)} frames")
     if options.video is not None:
         transient(f"{len(results)} frames", done=True)
-    if isinstance(frames, VideoSource) and frames.note:
-        LOG.warning(f"sensing.field: {frames.note}")
+    if isinstance(frames, VideoSource):
+        coded = frames.coding and f"{options.video}: {coding_doubt(frames.coding)}"
+        for doubt in filter(None, (frames.note, coded)):
+            LOG.warning(f"sensing.field: {doubt}")
     _require_seen(options.video or options.frame, results)
     if options.out is not None:
         _save(options.out, results, single=options.video is None)

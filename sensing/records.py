@@ -37,6 +37,8 @@ class Frame:
         exposure: exposure that the driver reports, in its unit; None where it reports none.
         gain: gain that the driver reports, in its unit; None where it reports none.
         fault: reason why there is no picture, one line, with which decoding raises; empty where there is one.
+        coding: of a video that builds pictures from others and so may show dots late
+            (:mod:`sensing.sources.coding`); empty of other sources.
 
     Raises:
         ParameterError: neither image nor jpeg.
@@ -51,6 +53,7 @@ class Frame:
     exposure: float | None = None
     gain: float | None = None
     fault: str = ""
+    coding: str = ""
 
     def shows_same(self, other: Frame) -> bool:
         """Whether another frame holds the same picture; of decoded pictures, every seventh pixel is compared."""

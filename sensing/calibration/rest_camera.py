@@ -99,5 +99,6 @@ def rest_camera(
         return RestCamera(None, misfit, doubt=str(error))
     if found.misplaced_px > most_misplaced_px(params):
         away_px = found.misplaced_px
-        return RestCamera(None, misfit, doubt=f"the dots lie up to {away_px:.1f} px from the design's: is it pressed?")
+        why = "is it pressed? Or is the picture squeezed (a camera mode of another shape)?"
+        return RestCamera(None, misfit, doubt=f"the dots lie up to {away_px:.1f} px from the design's: {why}")
     return RestCamera(found.mounted, misfit, found=True)

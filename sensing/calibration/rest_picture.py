@@ -20,6 +20,7 @@ from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.records import Image
 
+DOTS_MISSING, DARK = "dots_missing", "dark"  # flags
 MOST_MISSING = 0.12  # E: of the dots that the design's camera shows
 LEAST_ROWS = 240  # M: of the short side; at 240 forces are off by 0.09 N rms, at 180 by 0.2 N, 1.3 deviations
 NEAR = 0.3  # of the dots' spacing: a found dot this near to its place is that dot
@@ -44,7 +45,7 @@ def picture_doubts(
         )
     seen, wanted = seen_dots(dots_px, params, camera)
     if seen < (1 - MOST_MISSING) * wanted:
-        doubts["dots_missing"] = (
+        doubts[DOTS_MISSING] = (
             f"{seen} of the {wanted} dots that the design's camera shows are in the rest picture (at least "
             f"{np.ceil((1 - MOST_MISSING) * wanted):.0f}): free and wipe lens and dome, use the camera's full picture, "
             "then take it again"
@@ -61,7 +62,7 @@ def light_doubts(light: Light) -> dict[str, str]:
             "less light or a shorter exposure, then take it again"
         )
     if light.too_dark:
-        doubts["dark"] = (
+        doubts[DARK] = (
             f"the silicone of the rest picture has gray value {light.median_gray:.0f} of 255 "
             f"(at least {DARK_GRAY:.0f}): more light or a longer exposure, then take it again"
         )

@@ -18,7 +18,7 @@ from cad.messages import LOG, show
 from cad.params import EndcapParams
 from sensing.arguments import number, whole
 from sensing.doctor.examine import Report, examine, take_file, take_live
-from sensing.doctor.finding import Finding, Verdict
+from sensing.doctor.finding import Finding, Verdict, finding
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, list_devices
 from sensing.sources.choose import is_camera_number, source_opener
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str], recorded: Recorded) -> int:
 
 
 def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recorded: Recorded) -> Iterator[Report]:
-    if word.endswith(".mcap"):
+    if word.lower().endswith(".mcap"):
         for endcap, held, pictures in recorded(Path(word)):
             design = agreed_design(options, held, word)
             yield examine(f"{word}: {endcap}", take_file(pictures, options.frames), design, timed=True)
@@ -78,7 +78,12 @@ def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recor
     opener, live = source_opener(word, camera)
     name = f"/dev/video{word}" if is_camera_number(word) else word
     if not live:
-        yield examine(name, take_file(opener(), options.frames), params, timed=False)
+        source = opener()
+        report = examine(name, take_file(source, options.frames), params, timed=False)
+        if note := getattr(source, "note", ""):  # of a video that ended too early
+            cut = finding("file", Verdict.BAD, note, "copy or record it again")
+            report = dataclasses.replace(report, findings=(cut, *report.findings))
+        yield report
         return
     frames, message = take_live(opener, options.frames)
     usb = is_camera_number(word) or word.startswith("/dev/")

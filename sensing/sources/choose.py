@@ -9,10 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad import plugins
-from cad.errors import FileError
+from cad.errors import FileError, printable
 from cad.messages import LOG
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, CameraSource, device_number, lasting_name
+from sensing.sources.coding import coding_doubt
 from sensing.sources.files import PICTURES, FolderSource, VideoSource, read_picture
 from sensing.sources.mjpeg import MjpegSource
 from sensing.sources.newest import FrameSource, OnArrival
@@ -44,6 +45,11 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
     path = Path(word)
     if os.path.isdir(word):
         return lambda: FolderSource(path), False
+    if not os.path.isfile(word) and ":/" in word:  # a path makes one slash of two
+        raise FileError(
+            f"{printable(word)}: no file, and no address that can be read: a camera on the network serves MJPEG and is "
+            "given as http://HOST/... (--url of live)"
+        )
     if not os.path.isfile(word):  # unlike the methods of Path, these take any text
         raise FileError(f"{word}: no camera number, address, folder or file: check the spelling")
     if path.suffix.lower() in PICTURES:
@@ -57,8 +63,12 @@ def is_camera_number(word: str) -> bool:
 
 
 @contextmanager
-def open_frames(word: str) -> Iterator[Iterable[Frame]]:
+def open_frames(word: str, warn_of_coding: bool = True) -> Iterator[Iterable[Frame]]:
     """Frames of a source, which is closed afterwards; those of a camera as they arrive.
+
+    Args:
+        word: as of :func:`source_opener`.
+        warn_of_coding: of a video that keeps parts of its pictures; not for readers whose readings are flagged for it.
 
     Raises:
         FileError: nothing of that name.
@@ -74,3 +84,5 @@ def open_frames(word: str) -> Iterator[Iterable[Frame]]:
             close()
     if note := getattr(source, "note", ""):  # of a video that ended too early
         LOG.warning(note)
+    if warn_of_coding and (coding := getattr(source, "coding", "")):
+        LOG.warning(f"{word}: {coding_doubt(coding)}")

@@ -12,13 +12,15 @@ from statistics import median
 import cv2
 
 from cad.errors import FileError
+from cad.extras import program
 from sensing.decode import decode_file, jpeg_size
 from sensing.records import Frame
+from sensing.sources.coding import coding_of, cut_note
 
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
+RECORDINGS = {b"\x89MCAP0\r\n": "MCAP", b"#ROSBAG": "ROS 1 bag", b"SQLite format 3\0": "ROS 2 bag"}
 DEFAULT_RATE_HZ = 30.0
 GAP_STEPS = 1.5  # of the usual step of a folder's numbers, which may be times that scatter
-MISSING = 2  # frames less than stated: containers without an index state an estimate, which may be off by one
 
 
 def read_picture(path: Path | str, sequence: int = 0, time_s: float = 0.0) -> Frame:
@@ -63,7 +65,8 @@ class FolderSource:
         self.name, self.note = str(folder), ""
         self._rate_hz, self._faulty = rate_hz, faulty
         try:
-            pictures = [p for p in Path(folder).iterdir() if p.suffix.lower() in PICTURES]
+            there = [p for p in Path(folder).iterdir() if not p.name.startswith(".")]  # macOS puts ._a.jpg beside a.jpg
+            pictures = [p for p in there if p.suffix.lower() in PICTURES]
             self._paths = sorted(pictures, key=lambda path: (_by_number(path.name), path.name))
         except OSError as error:
             raise FileError(f"{folder}: {error.strerror or error}: give a readable folder of pictures") from None
@@ -114,40 +117,62 @@ class VideoSource:
     From the first stated time that does not increase on, the stated rate counts.
 
     Attributes:
-        note: after the last frame, one line where the file ended before the count of frames that it states; else empty.
+        note: after the last frame, one line where the file ended before what it states; else empty.
+        coding: so far, as of :func:`sensing.sources.coding.coding_of`.
 
     Raises:
-        FileError: no such file, or no video that OpenCV can open.
+        FileError: no such file, a recording, or no video that OpenCV can open.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.name, self.note = str(path), ""
+        self.name, self.note, self.coding = str(path), "", ""
         if not os.path.isfile(path):  # unlike the method of Path, of a locked folder, too
             raise FileError(f"{path}: no such file: give a video")
+        _require_no_recording(path)
         capture = cv2.VideoCapture(self.name)
         try:
             if not capture.isOpened() or not capture.read()[0]:
-                raise FileError(f"{path}: no video that can be read: give a file that plays, such as .avi or .mp4")
+                raise FileError(
+                    f"{path}: no video that OpenCV can read: it is cut, no video, or of a coding without a decoder, "
+                    "such as AV1: give a whole one, best MJPEG in .avi"
+                )
         finally:
             capture.release()
 
     def __iter__(self) -> Iterator[Frame]:
         capture = cv2.VideoCapture(self.name)
         capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        stated = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        times, sequence = _Times(capture.get(cv2.CAP_PROP_FPS)), 0
+        times, sequence, time_s = _Times(capture.get(cv2.CAP_PROP_FPS)), 0, 0.0
         try:
             while True:
                 known, image = capture.read()
                 if not known:
                     break
                 time_s = times.next(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
-                yield Frame(time_s, sequence, self.name, image=image)
+                self.coding = self.coding or coding_of(capture, self.name)
+                yield Frame(time_s, sequence, self.name, image=image, coding=self.coding)
                 sequence += 1
+            self.note = cut_note(self.name, capture, sequence, time_s)
         finally:
             capture.release()
-        if stated - sequence >= MISSING:
-            self.note = f"{self.name}: ended after {sequence} of the {stated} frames that it states: is the file cut?"
+
+
+def _require_no_recording(path: Path | str) -> None:
+    """Refuse what FFmpeg would search for JPEGs: it mixes the cameras of a recording, and invents their times.
+
+    Raises:
+        FileError: an empty file, or a recording.
+    """
+    with open(path, "rb") as file:
+        head = file.read(max(map(len, RECORDINGS)))
+    if not head:
+        raise FileError(f"{path}: an empty file, no video: copy or record it again")
+    kind = next((name for mark, name in RECORDINGS.items() if head.startswith(mark)), "")
+    if kind:
+        raise FileError(
+            f"{path}: a recording ({kind}), no video: give one of ours to {program('python -m sensing.live')} "
+            "--replay, and the pictures of one camera of another as files in a folder"
+        )
 
 
 class _Times:

@@ -102,7 +102,7 @@ def require_design(recording: Path, endcap: EndcapConfig) -> None:
 
 def _pictures(source: str) -> Iterator[Recorded]:
     """Pictures of a video or folder."""
-    with open_frames(source) as frames:
+    with open_frames(source, warn_of_coding=False) as frames:
         for frame in frames:
             yield Recorded(frame, None)
 

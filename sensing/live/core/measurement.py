@@ -101,7 +101,7 @@ class Measurement:
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
-        self._still, self._offset = StillWatch(), RestOffset(kept.offset)
+        self._still, self._offset = StillWatch(kept.compressed), RestOffset(kept.offset)
         self.contact: ContactState | None = None
 
     @property
@@ -110,11 +110,12 @@ class Measurement:
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
         return Kept(
             (x, y, z), self._mounting.reason, self._load.reason, self._detector.touching, self._rate.state,
-            self._offset.state,
+            self._offset.state, self._still.reason,
         )  # fmt: skip
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
+        self._still.take(frame.coding)  # before what is kept, from which a replay has it: recordings hold no coding
         watch, before = StageTimes(), self.kept
         look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
         if not isinstance(look, Verdict):

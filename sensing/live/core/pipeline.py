@@ -69,11 +69,11 @@ class EndcapPipeline:
         self.outcome: tuple[Event, str] | None = None
         self._camera = None if endcap.camera is None else MountedCamera.load(endcap.camera, endcap.identity)
         most_n = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain).on_n
-        self.taker = ReferenceTaker(
-            endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n, endcap.gain
-        )
         self._cameras: dict[str, RestCamera] = {}
         self._checks: WeakKeyDictionary[FieldMethod, CameraCheck] = WeakKeyDictionary()
+        self.taker = ReferenceTaker(
+            endcap.name, endcap.params, zero_frames, self._build, model.estimator, most_n, endcap.gain, self._checks.get
+        )
         self._check: CameraCheck | None = None
         self._used: Reference | None = None
         self._measurement: Measurement | None = None

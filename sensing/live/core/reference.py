@@ -2,6 +2,7 @@
 
 A reference taken under load makes every later number wrong by that load, and nothing looks unusual. So it is refused
 
+- where darkness hides dots;
 - while the endcap is touched, and whenever the new picture differs from the last reference as a press would
   (:func:`press_n`: what a shift, turn or scale of the whole picture explains is the mounting and is allowed);
 - at the start, without a last reference, when the dots lie elsewhere than the design's, seen by a camera that is free
@@ -26,6 +27,8 @@ from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import most_misplaced_px
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_gray
+from sensing.live.core.camera_check import CameraCheck
+from sensing.live.core.dark_pictures import DarkPictures
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import Frame
 from sensing.tracking.dots import find_dots
@@ -69,6 +72,7 @@ class ReferenceTaker:
         build: sets up the method.
         estimator, most_n: a difference estimated as more is a press.
         gain: from the estimator's force to the endcap's, in whose newtons ``most_n`` is.
+        check: of a method that was built; None for those without.
 
     Attributes:
         reason: why the last one was refused, or what goes on; empty when nothing does.
@@ -84,10 +88,12 @@ class ReferenceTaker:
         estimator: WrenchEstimator,
         most_n: float,
         gain: float = 1.0,
+        check: Callable[[FieldMethod], CameraCheck | None] = lambda _: None,
     ) -> None:
         self._name, self._params, self._count, self._build = name, params, frames, build
-        self._estimator, self._most_n, self._gain = estimator, most_n, gain
+        self._estimator, self._most_n, self._gain, self._check = estimator, most_n, gain, check
         self._stopped = False
+        self._dark = DarkPictures()
         self._lock = threading.Lock()  # of the fields below, which three threads change
         self._request: _Request | None = None  # None once it is answered
         self._made: Reference | EndcapError | None = None
@@ -186,11 +192,19 @@ class ReferenceTaker:
                 self._request, self._made = None, made
 
     def _checked(self, request: _Request, last: Zero | None) -> Reference:
-        if self._count == 1:
-            zero = single_zero(request.frames[0], self._name)
-            return Reference(zero, self._build(zero))
-        zero = take_zero(request.frames, self._name, self._params)
+        single = self._count == 1
+        zero = (
+            single_zero(request.frames[0], self._name)
+            if single
+            else take_zero(request.frames, self._name, self._params)
+        )
+        if not request.confirmed:
+            self._dark.require_brighter(zero.image)
         method = self._build(zero)
+        if not request.confirmed:
+            self._dark.require_light(self._check(method), zero.image)
+        if single:
+            return Reference(zero, method)
         if not request.confirmed and isinstance(method, ModelInput):
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)

@@ -1,6 +1,7 @@
 """Whether pictures come from a video that keeps parts of a picture and repeats them in the next (H.264, MPEG-4, VP8).
 
     watch = StillWatch()
+    watch.take(frame.coding)            # every frame: a video file says it itself
     watch.update(tracks, likeness)      # every frame; watch.reason says so
 
 Such a video shows a dot late, or a little beside its place, and each window still correlates well, so nothing else
@@ -9,7 +10,7 @@ within a ten-thousandth of a pixel. From frame to frame at rest 40 to 67 % of 87
 for 4 s, 2 % at most in MJPEG and in lossless files. Not every such video shows it: neither H.264 of 7 MB for 4 s nor
 MPEG-4 of ffmpeg at 500 kbit/s does. Frames that show the very picture before do not count, because a camera may send
 each picture twice, nor do those in which all dots stand still: those are drawn without noise. Pressed dots all move,
-so what was seen once stays until the next restart.
+so what was seen once stays until the next reference.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from collections import deque
 import numpy as np
 
 from sensing.records import DotTracks
+from sensing.sources.coding import coding_doubt
 
 FLAG = "compressed"
 STILL_PX = 1e-4  # at 480 rows; a dot moves by 0.005 px from frame to frame with the noise of the cleanest picture
@@ -27,16 +29,24 @@ FRAMES, LEAST_FRAMES = 30, 10  # so many of the last ones must show it
 
 
 class StillWatch:
-    """Of the frames since a restart.
+    """Of the frames since a reference.
+
+    Args:
+        reason: known from frames before a restart; empty for none.
 
     Attributes:
         reason: says so, and what to do; empty where nothing shows it.
     """
 
-    def __init__(self) -> None:
-        self.reason = ""
+    def __init__(self, reason: str = "") -> None:
+        self.reason = reason
         self._before: tuple[DotTracks, float] | None = None
         self._seen: deque[bool] = deque(maxlen=FRAMES)
+
+    def take(self, coding: str) -> None:
+        """What a frame's source says of it: the coding of its video (:class:`sensing.records.Frame`), or nothing."""
+        if coding and not self.reason:
+            self.reason = coding_doubt(coding)
 
     def update(self, tracks: DotTracks, likeness: float) -> None:
         """One frame.

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from live_stand_in import film, pipeline
 
+from sensing.live.core.kept import Kept, kept_of
 from sensing.live.core.still_watch import StillWatch
 from sensing.records import DotTracks, Frame
 
@@ -67,3 +68,20 @@ def test_readings_of_such_a_video_are_degraded_and_others_are_not(rows):
         picture[:rows] = pictures[0][:rows]  # that part is kept
     readings = [endcap.update(Frame(k / 30, k, "test", image=p)) for k, p in enumerate(pictures)]
     assert ("compressed" in readings[-1].wrench.flags) == (rows > 0)
+
+
+def test_a_video_whose_file_says_so_is_degraded_from_the_first_picture_on_also_in_its_recording():
+    pictures = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1) for jpeg in film([0.0] * 4)]
+    endcap, coding = pipeline(), "hevc at 0.01 bits a pixel"
+    readings = [endcap.update(Frame(k / 30, k, "test", image=p, coding=coding)) for k, p in enumerate(pictures)]
+    assert all("compressed" in reading.wrench.flags and coding in reading.reason for reading in readings)
+    kept = kept_of(readings[0].before.text())  # recorded before the first picture, which then has no coding
+    again = pipeline(zero_frames=0)
+    again.set_zero(readings[0].zero, kept)
+    replayed = [again.update(Frame(k / 30, k, "test", image=p)) for k, p in enumerate(pictures)]
+    assert [r.reason for r in replayed] == [r.reason for r in readings]
+    assert all(np.array_equal(a.wrench.force_n, b.wrench.force_n) for a, b in zip(replayed, readings, strict=True))
+
+
+def test_what_was_seen_of_a_video_stays_after_a_restart():
+    assert StillWatch("seen").reason == "seen" and not kept_of(Kept().text()).compressed

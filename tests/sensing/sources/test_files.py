@@ -119,6 +119,9 @@ class Capture:
     def isOpened(self):
         return True
 
+    def getBackendName(self):
+        return "none that knows codings"
+
     def release(self):
         """Nothing to let go."""
 
@@ -141,7 +144,7 @@ def test_frames_of_a_video_have_the_times_that_it_states(tmp_path, monkeypatch, 
 
 @pytest.mark.parametrize(("stated", "note"), [(9, "ended after 3 of the 9 frames"), (4, ""), (3, ""), (-9e18, "")])
 def test_a_video_that_ends_before_its_stated_count_says_so(tmp_path, monkeypatch, capsys, stated, note):
-    (tmp_path / "v.mp4").write_bytes(b"x")
+    (tmp_path / "v.mp4").write_bytes(b"\0\0\0\x18ftyp")
     monkeypatch.setattr("sensing.sources.files.cv2.VideoCapture", lambda _: Capture([0, 40, 80], stated))
     source = VideoSource(tmp_path / "v.mp4")
     assert len(list(source)) == 3 and (note in source.note) and bool(source.note) == bool(note)
@@ -201,6 +204,48 @@ def test_pictures_of_a_folder_come_in_the_order_in_which_they_were_numbered(tmp_
     for name in names:
         (tmp_path / name).write_bytes(jpeg(8))
     assert [Path(frame.source).name for frame in FolderSource(tmp_path)] == names
+
+
+@pytest.mark.parametrize("mark", [b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n", b"SQLite format 3\0", b""])
+def test_a_recording_is_no_video_though_ffmpeg_finds_jpegs_in_it(tmp_path, mark):
+    """Of an MCAP of six cameras live showed one endcap that ran, with times of 25 pictures a second."""
+    path = tmp_path / "run.avi"
+    path.write_bytes(mark + (b"\0" * 90 + jpeg(9)) * 9 if mark else b"")
+    with pytest.raises(FileError, match=r"a recording \(.*--replay" if mark else "an empty file"):
+        VideoSource(path)
+
+
+def test_hidden_files_are_no_pictures_of_a_folder(tmp_path):
+    """macOS leaves ._1.jpg beside 1.jpg on sticks and shares: it came first, and the reference could not be read."""
+    for name in ("shot_1.jpg", "shot_2.jpg"):
+        (tmp_path / name).write_bytes(jpeg(8))
+        (tmp_path / f"._{name}").write_bytes(b"\0\5\x16\7 resource fork")
+    assert [Path(frame.source).name for frame in FolderSource(tmp_path)] == ["shot_1.jpg", "shot_2.jpg"]
+
+
+def test_a_file_of_several_pictures_is_refused_instead_of_losing_all_but_the_first(tmp_path, capsys):
+    image = np.zeros((48, 64, 3), np.uint8)
+    path = tmp_path / "stack.tif"
+    for pages in (1, 2):
+        cv2.imwritemulti(str(path), [image] * pages)
+        if pages == 1:
+            assert decode_bgr(read_picture(path)).shape == image.shape
+    png = cv2.imencode(".png", image)[1].tobytes()
+    control = b"acTL" + struct.pack(">II", 2, 0)
+    moving = tmp_path / "moving.png"
+    moving.write_bytes(png[:33] + struct.pack(">I", 8) + control + struct.pack(">I", zlib.crc32(control)) + png[33:])
+    for several in (path, moving):
+        for read in (read_picture, read_image):
+            with pytest.raises(FileError, match="several pictures"):
+                read(several)
+
+
+def test_a_tiff_of_floats_is_refused_in_one_line(tmp_path, capfd):
+    path = tmp_path / "a.tif"
+    cv2.imwrite(str(path), np.zeros((48, 64, 3), np.float32))
+    with pytest.raises(FileError, match="none of 8 or 16 bits"):
+        read_picture(path)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

@@ -213,6 +213,8 @@ def test_video_round_trip(tmp_path):
         (lambda d: FolderSource(d), "no picture in it"),
         (lambda d: VideoSource(d / "none.avi"), "no such file"),
         (lambda d: source_opener(str(d / "none")), "no camera number, address, folder or file"),
+        (lambda _: source_opener("rtsp://10.0.0.7/stream"), "no address that can be read"),
+        (lambda _: source_opener("http:/10.0.0.7/stream"), "given as http://HOST"),
     ],
 )
 def test_missing_files_are_named(tmp_path, make, words):

@@ -8,7 +8,7 @@ const Words = (() => {
     dots_disturbed: "some dots look otherwise than in the reference: glint, dirt, lamp, or a torn picture",
     moved: "camera or lens have moved since the reference: zero again when untouched",
     zeroed_under_load: "the dots move as if the reference had been taken under load: zero again when untouched",
-    compressed: "the video repeats parts of its pictures (H.264, MPEG-4, VP8): record MJPEG or a lossless video",
+    compressed: "the video repeats parts of its pictures (H.264, HEVC, MPEG-4, VP9): record MJPEG or a lossless video",
     dots_missing: "too few dots are in the reference: free and wipe lens and dome, then zero again",
     overexposed: "the reference is white in part: less light, then zero again",
     dark: "the reference is dark: more light, then zero again",

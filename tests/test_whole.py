@@ -16,7 +16,8 @@ from cad.errors import ParameterError
 from cad.options import parse_design
 from cad.typed_folder import EXPORTS
 from endcap import whole
-from endcap.whole import PAGE, Step, make, parsed, write_page
+from endcap.start_page import PAGE, write_page
+from endcap.whole import Step, make, parsed
 from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
@@ -88,7 +89,7 @@ def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
     assert f"make sheet D=142 T=7.5 printer=a1_mini exports={tmp_path}" in (tmp_path / "D142_T7.5" / PAGE).read_text()
     assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
     own = parsed(["D=142", "T=7.5", "printer=my bed", f"exports={tmp_path}"])  # a row of one's own
-    write_page(own, own.folder, [])
+    write_page(own.variant, own.exports, own.printer, [])
     page = html.unescape((own.folder / PAGE).read_text())
     assert f"make sheet D=142 T=7.5 printer='my bed' exports={tmp_path}" in page
 
@@ -142,6 +143,7 @@ def test_a_command_under_way_removes_what_it_began_when_all_is_ended(tmp_path, m
         (["D=1e2", "T=8"], "plain millimetres"),
         (["d=180", "T=8"], "did you mean D=180"),
         (["D=180", "T=10", "material=Jelly"], "choose one of"),
+        (["D=250", "T=25", "material=Dragon Skin 10 Medium"], "the pot life is 20"),  # the sheet refused it at last
     ],
 )
 def test_bad_words_are_refused(words, said):

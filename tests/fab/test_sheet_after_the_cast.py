@@ -198,3 +198,11 @@ def test_the_record_names_what_is_weighed():
     text = str(table.rows)
     assert f"A ({data.recipe.part_a_g:.1f} g), B ({data.recipe.part_b_g:.1f} g)" in text
     assert f"digest {data.layout.params.digest[:12]}" in text and f"({data.recipe.poured_g:.0f} g less)" in text
+
+
+def test_the_record_names_the_silicone_and_the_variant():
+    """Of two endcaps of one size in two silicones the records were alike, but for the lots."""
+    data = replace(sheet_of(material="Dragon Skin 30"), manifest={"parts": PARTS, "robot": "blank"})
+    rows = dict(next(block for block in record(data) if isinstance(block, Table)).rows)
+    assert rows["design"].startswith("D=107 T=7.3 material='Dragon Skin 30' robot=blank; digest ")
+    assert "Dragon Skin 30: lot of A, of B; kit opened on" in rows

@@ -117,6 +117,11 @@ def assembling(data: SheetData) -> list[Block]:
             "stands on its adapter: screw that under it alone, by the five screws of A5, both cables out along the "
             "hub's groove. For A5 take the screws out again."
         ),
+        Paragraph(
+            "Focus the camera before A4, when the glue smells no more, for the lens is out of reach afterwards: hold a "
+            f"printed page {_focus_mm(data.layout.params):.0f} mm above the lens, as far as the dome's tip will be, "
+            "save a frame (chapter First light), and turn the lens until the letters are sharp."
+        ),
         *stage_blocks(data, "A", ("assemble",)),
         Heading("Screws, as measured on the parts"),
         Table(
@@ -133,6 +138,11 @@ def assembling(data: SheetData) -> list[Block]:
             (2.4, 1.3, 0.8, 1.4, 0.8, 1.4), is_small=True,
         ),
     ]  # fmt: skip
+
+
+def _focus_mm(params: EndcapParams) -> float:
+    """Distance of the dome's inner tip from the camera's entrance pupil, mm."""
+    return params.tip_height_mm - params.wall_mm - params.camera_height_mm
 
 
 def _robot_rows(robot: str) -> list[tuple[str, ...]]:
@@ -157,11 +167,6 @@ def light_check(data: SheetData) -> list[Block]:
     Args:
         data: of the sheet.
     """
-    params = data.layout.params
-    frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
-    # Photos of the released sensor are valid for its own size and camera only.
-    is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
-    of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
     return [
         Heading("First light", 1),
         Paragraph(
@@ -177,23 +182,30 @@ def light_check(data: SheetData) -> list[Block]:
             "clockwise, as on the gores."
         ),
         first_light(data.layout.params),
-        Table(
-            ("look at", "good", "if not"),
-            (
-                ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
-                ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
-                 "ink missing, or LEDs too dark"),
-                ("dots in the centre square", f"about {square} by the same{of_square}",
-                 "camera not centred"),
-                ("brightness", "no white patches; every dot darker than the silicone round it",
-                 "set the exposure by hand: --exposure V, in the driver's unit"),
-                ("dots of the common meridian", _line_words(params), _turn_words(params)),
-                ("a second frame, a finger on the dome", *_finger_words(params)),
-            ),
-            (1.4, 2.2, 2),
-        ),
+        Table(("look at", "good", "if not"), _looks(data.layout.params), (1.4, 2.2, 2)),
         *first_run(data),
-    ]  # fmt: skip
+    ]
+
+
+def _looks(params: EndcapParams) -> tuple[tuple[str, str, str], ...]:
+    """Rows of what to look at in the first frames: what, how it is when good, and the cause or fix."""
+    frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
+    # Photos of the released sensor are valid for its own size and camera only.
+    is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
+    of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
+    return (
+        ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
+        ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
+         "ink missing, or LEDs too dark"),
+        ("dots in the centre square", f"about {square} by the same{of_square}",
+         "camera not centred"),
+        ("brightness", "no white patches; every dot darker than the silicone round it",
+         "set the exposure by hand: --exposure V, in the driver's unit"),
+        ("focus", "sharp rims of the dots, near the edge, too",
+         "base off, turn the lens a little, base on again"),
+        ("dots of the common meridian", _line_words(params), _turn_words(params)),
+        ("a second frame, a finger on the dome", *_finger_words(params)),
+    )  # fmt: skip
 
 
 def edge_words() -> str:

@@ -10,7 +10,7 @@ from fab.build_sheet.data import SheetData
 
 
 def first_run(data: SheetData) -> list[Block]:
-    """Steps of the first run in their order: calibration, weights where none ship for this endcap, setup and live.
+    """Steps of the first run: check of the picture, calibration, weights where none ship, setup, live, known weights.
 
     Args:
         data: of the sheet.
@@ -23,6 +23,8 @@ def first_run(data: SheetData) -> list[Block]:
         else []
     )
     return [
+        Paragraph("Let the program judge light, focus and dots as well; it names the fix of what is bad:"),
+        Paragraph(program_command("sensing.sources check", params, "0")),
         Paragraph(
             "Then see whether the dots are found. This command writes camera.json and fit.png:"
         ),

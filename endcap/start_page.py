@@ -27,6 +27,7 @@ MEANINGS = {  # of folders and files beside those that index.html explains
     "robot_model/endcap.urdf": "the same as a rigid body (URDF)",
     "robot_model/robot_model.json": "mass, inertia, springs and how wrong they are, for programs",
     "slice/slice.json": "time, material and gates of every print",
+    "shell.stl": "the dome as it is cast, as a mesh; it is not printed",
     "manifest.json": "every part, file digest and check, for programs",
 }
 BY_FOLDER = {

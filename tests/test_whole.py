@@ -33,6 +33,7 @@ def runner(wanted, seen: list[Step], status: dict[str, int] | None = None):
             folder.mkdir(parents=True)
             (folder / "manifest.json").write_text(json.dumps(MADE))
             (folder / "base.stl").write_text("solid")
+            (folder / "shell.stl").write_text("solid")
         if step.module == "sensing.study":
             (folder / "study").mkdir()
             (folder / "study" / "study.csv").write_text(
@@ -62,7 +63,8 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
         "54.7 N",
         "<td>–</td>",
         "1066 g",
-        "base.stl",
+        'base.stl">base.stl</a></td><td>part as a mesh, to slice',
+        'shell.stl">shell.stl</a></td><td>the dome as it is cast, as a mesh; it is not printed',
         "study/study.csv",
         "sensing.live --diameter 180 --wall 10 --silicone &#x27;Dragon Skin 20&#x27;",
         "make coupons material=&#x27;Dragon Skin 20&#x27; exports=",

@@ -12,7 +12,9 @@ from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab import supplies as bought
 from fab.bom import all_joints, bom_lines
+from fab.build_sheet import several
 from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.casting import casting, demolding
@@ -206,3 +208,13 @@ def test_the_record_names_the_silicone_and_the_variant():
     rows = dict(next(block for block in record(data) if isinstance(block, Table)).rows)
     assert rows["design"].startswith("D=107 T=7.3 material='Dragon Skin 30' robot=blank; digest ")
     assert "Dragon Skin 30: lot of A, of B; kit opened on" in rows
+
+
+def test_a_sum_without_the_price_of_the_silicone_says_so(monkeypatch):
+    """With a silicone of one's own and no kit of it, ten endcaps cost 760 USD too little, and no word of it."""
+    assert _needs_rows(sheet_of())[-1][0] == "to pay, without tools"
+    kits = {name: kit for name, kit in several.supplies().items() if name != "Dragon Skin 30"}
+    for module in (several, bought):
+        monkeypatch.setattr(module, "supplies", lambda: kits)
+    rows = _needs_rows(sheet_of(material="Dragon Skin 30"))
+    assert rows[-1][0] == "to pay, without tools and Dragon Skin 30, whose price is unknown"

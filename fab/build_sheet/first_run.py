@@ -24,7 +24,7 @@ def first_run(data: SheetData) -> list[Block]:
     )
     return [
         Paragraph("Let the program judge light, focus and dots as well; it names the fix of what is bad:"),
-        Paragraph(program_command("sensing.sources check", params, "0")),
+        Paragraph(program_command("sensing.sources check 0", params)),
         Paragraph(
             "Then see whether the dots are found. This command writes camera.json and fit.png:"
         ),

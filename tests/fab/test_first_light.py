@@ -139,9 +139,8 @@ def test_the_sheet_focuses_the_lens_while_it_can_be_reached_and_checks_it_with_a
     params = EndcapParams(142.0, 7.5, (1, 6, 12, 18), 3.5)
     text, rows = sheet(params)
     assert "base off" in rows["focus"][1]
-    line = re.search(r"(?<=python -m sensing.sources )check .*? 0(?= )", text)[0]
-    assert "--dot-rings 1-6-12-18 --dot-mm 3.5" in line
-    assert sources([*line.split()[:-1], str(tmp_path / "missing.jpg")]) == 2
+    words = re.search(r"python -m sensing.sources check 0 (.*? --dot-rings 1-6-12-18 --dot-mm 3.5) ", text)[1].split()
+    assert sources(["check", str(tmp_path / "missing.jpg"), *words]) == 2
     assert "missing.jpg" in capsys.readouterr().err
     layout = MoldLayout(params)
     data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})

@@ -6,8 +6,6 @@ command. At the end ``start.html`` lists each file with its purpose.
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import shlex
 import signal
@@ -15,22 +13,20 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 from cad.design_arguments import design_words
 from cad.errors import EndcapError
-from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show
 from cad.options import FROM_MAKE, MAKES_OWN, make_variables, named_as_typed, parse_options
 from cad.typed_folder import typed_folder
-from cad.whole_file import replace_file
-from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, exports_words, parse_variant
-from fab.variant import Variant, coupons_command, printer_option
-from sensing.interpreter import typed_command
+from endcap.start_page import PAGE, write_page
+from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, parse_variant
+from fab.pot_life import require_pot_life
+from fab.recipe import closed_cast_mm3
+from fab.variant import Variant
 
 OPTIONS = {**VARIANT_DEFAULTS, "printer": ""}
-PAGE = "start.html"
 LEFT_OUT = 2  # status of a refusal by an optional command: no slicer, a shell that snaps through
 END_S = 30.0  # for a command to remove its partial files
 HELP = f"""\
@@ -129,7 +125,8 @@ def parsed(words: Sequence[str]) -> Wanted:
     """NAME=VALUE words, or make's variables.
 
     Raises:
-        ParameterError: an unknown option, only one of D and T, or a design that cannot be made.
+        ParameterError: an unknown option, only one of D and T, a design that cannot be made, or a silicone that
+            thickens before its mold is closed.
     """
     typed = list(words)
     if FROM_MAKE in typed:
@@ -137,7 +134,9 @@ def parsed(words: Sequence[str]) -> Wanted:
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
     with named_as_typed():
         options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
-    return Wanted(parse_variant(options), typed_folder(options["exports"]), options["printer"])
+    variant = parse_variant(options)
+    require_pot_life(variant.layout, closed_cast_mm3(variant.params))  # else the sheet refuses it after all the slices
+    return Wanted(variant, typed_folder(options["exports"]), options["printer"])
 
 
 def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
@@ -162,7 +161,7 @@ def make(wanted: Wanted, run: Callable[[Step], int]) -> int:
             return status
         if status:
             skipped.append(step.title)
-    write_page(wanted, wanted.folder, skipped)
+    write_page(wanted.variant, wanted.exports, wanted.printer, skipped)
     left_out = f" (left out: {', '.join(skipped)})" if skipped else ""
     show(f"{wanted.folder / PAGE}: everything of {wanted.folder.name}{left_out}")
     return 0
@@ -183,117 +182,6 @@ def _run(step: Step, interrupts: Interrupts) -> int:
         except subprocess.TimeoutExpired:
             process.kill()
         raise
-
-
-MEANINGS = {  # of folders and files beside those that index.html explains
-    "index.html": "parts, their files, 3-D view and checks",
-    "sheet/build_sheet.html": "what to buy, print, mix, cast, demold, paint, assemble and test",
-    "sheet/build_sheet.pdf": "the same, to print",
-    "study/study.html": "what this endcap will feel",
-    "study/study.csv": "the same as a table",
-    "study/study.json": "the same for programs",
-    "robot_model/endcap.xml": "the endcap for MuJoCo (MJCF), springs fitted to the pressed shell",
-    "robot_model/endcap.urdf": "the same as a rigid body (URDF)",
-    "robot_model/robot_model.json": "mass, inertia, springs and how wrong they are, for programs",
-    "slice/slice.json": "time, material and gates of every print",
-    "manifest.json": "every part, file digest and check, for programs",
-}
-BY_FOLDER = {
-    "slice": "slicer project", "sheet": "of the build sheet", "study": "of the study",
-    "robot_model": "of the robot-simulator model",
-}  # fmt: skip
-BY_ENDING = {
-    ".stl": "part as a mesh, to slice", ".3mf": "part as a mesh with name and unit", ".glb": "3-D view",
-    ".step": "part or assembly as solid", ".png": "picture", ".safetensors": "weights: field to wrench",
-    ".csv": "table", ".zip": "archive",
-}  # fmt: skip
-STYLE = (
-    "body{font:15px/1.45 system-ui,sans-serif;max-width:64rem;margin:1.5rem auto;padding:0 1rem}td{padding:.1rem .8rem "
-    ".1rem 0;vertical-align:top}img{max-width:48%}pre{background:#f3f3f3;padding:.6rem;overflow-x:auto}"
-)
-
-
-def write_page(wanted: Wanted, folder: Path, skipped: Sequence[str]) -> None:
-    """Write the page that lists everything.
-
-    Args:
-        wanted: files that were made.
-        folder: that holds them.
-        skipped: titles of the steps left out.
-    """
-    shown = {"exploded.png": "the parts, pulled apart", "section.png": "section of the endcap"}
-    pictures = "".join(f'<img src="{file}" alt="{alt}">' for file, alt in shown.items() if (folder / file).is_file())
-    missing = f"<p>Left out: {escape(', '.join(skipped))} (its own message is in the terminal).</p>" if skipped else ""
-    title = f"Endcap {folder.name}"
-    body = (
-        f"<h1>{escape(title)}</h1><p>{escape(_checks(folder))}</p>{missing}{pictures}<h2>What it will feel</h2>"
-        f"<table>{_figures(folder)}</table><h2>Next</h2><pre tabindex='0'>{escape(_next(wanted, folder))}</pre>"
-        f"<h2>Every file</h2><table>{_files(folder)}</table>"
-    )
-    page = (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{STYLE}</style></head><body><main>{body}</main></body></html>\n"
-    )
-    replace_file(folder / PAGE, page.encode())
-
-
-def _checks(folder: Path) -> str:
-    try:
-        checks = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["checks"]
-    except (OSError, ValueError, KeyError):
-        return "Its manifest cannot be read: make the molds again."
-    return f"{len(checks)} checks of the parts passed, on files that were read back."
-
-
-def _figures(folder: Path) -> str:
-    try:
-        with (folder / "study" / "study.csv").open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-    except OSError:
-        return ""
-    return "".join(
-        f"<tr><td>{escape(row['name'])}</td><td>{escape(_short(row['value'], row['unit']))}</td>"
-        f"<td>{escape(row['source'])}</td></tr>"
-        for row in rows
-    )
-
-
-def _short(value: str, unit: str) -> str:
-    """A value in the format of the study's page: three digits, larger numbers whole."""
-    if not value:
-        return "–"
-    digits = f"{float(value):.0f}" if abs(float(value)) >= 999.5 else f"{float(value):.3g}"
-    return f"{digits} {unit}".strip()
-
-
-def _next(wanted: Wanted, folder: Path) -> str:
-    design, material = design_words(wanted.variant.params), wanted.variant.silicone
-    other = ("--silicone", material) if material != DEFAULT_SILICONE else ()
-    printer = f" {printer_option(wanted.printer)}" if wanted.printer else ""
-    sheet = wanted.variant.command("sheet") + printer + exports_words(wanted.exports)
-    calibrate = ("--photo", "a.jpg", *design, "--out", "camera.json", "--picture", "fit.png")
-    coupons = coupons_command(material) + printer + exports_words(wanted.exports)
-    return "\n".join([
-        f"{coupons:<64} # print the fit coupon first; give what fits as joint_clearance=",
-        f"{sheet:<64} # {folder.name}/sheet/build_sheet.pdf: print, cast, assemble",
-        f"{typed_command('sensing.live', *design, *other)}    # the simulated robot of this size, with its weights",
-        typed_command("sensing.calibrate", *calibrate),
-        typed_command("sensing.live", "--camera", "0", *design, *other),
-    ])  # fmt: skip
-
-
-def _files(folder: Path) -> str:
-    rows = []
-    for path in sorted(folder.rglob("*"), key=lambda path: (len(path.relative_to(folder).parts), str(path))):
-        name = path.relative_to(folder).as_posix()
-        if path.is_file() and name != PAGE and not path.name.startswith("."):
-            top = name.split("/")[0] if "/" in name else ""
-            ring = "of the LED ring" if top.startswith("led_ring") else ""
-            meaning = MEANINGS.get(name) or ring or BY_FOLDER.get(top) or BY_ENDING.get(path.suffix, "")
-            size = f"{max(1, round(path.stat().st_size / 1000))} kB"
-            link = f'<a href="{escape(name)}">{escape(name)}</a>'
-            rows.append(f"<tr><td>{link}</td><td>{escape(meaning)}</td><td>{size}</td></tr>")
-    return "".join(rows)
 
 
 if __name__ == "__main__":

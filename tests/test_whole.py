@@ -16,7 +16,8 @@ from cad.errors import ParameterError
 from cad.options import parse_design
 from cad.typed_folder import EXPORTS
 from endcap import whole
-from endcap.whole import PAGE, Step, make, parsed, write_page
+from endcap.start_page import PAGE, write_page
+from endcap.whole import Step, make, parsed
 from sensing import study
 
 MADE = {"checks": [{"name": "a"}, {"name": "b"}]}
@@ -32,6 +33,7 @@ def runner(wanted, seen: list[Step], status: dict[str, int] | None = None):
             folder.mkdir(parents=True)
             (folder / "manifest.json").write_text(json.dumps(MADE))
             (folder / "base.stl").write_text("solid")
+            (folder / "shell.stl").write_text("solid")
         if step.module == "sensing.study":
             (folder / "study").mkdir()
             (folder / "study" / "study.csv").write_text(
@@ -61,7 +63,8 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
         "54.7 N",
         "<td>–</td>",
         "1066 g",
-        "base.stl",
+        'base.stl">base.stl</a></td><td>part as a mesh, to slice',
+        'shell.stl">shell.stl</a></td><td>the dome as it is cast, as a mesh; it is not printed',
         "study/study.csv",
         "sensing.live --diameter 180 --wall 10 --silicone &#x27;Dragon Skin 20&#x27;",
         "make coupons material=&#x27;Dragon Skin 20&#x27; exports=",
@@ -88,7 +91,7 @@ def test_the_printer_goes_to_the_commands_that_print_and_to_no_other(tmp_path):
     assert f"make sheet D=142 T=7.5 printer=a1_mini exports={tmp_path}" in (tmp_path / "D142_T7.5" / PAGE).read_text()
     assert not any("printer" in word for step in parsed([]).steps() for word in step.words)
     own = parsed(["D=142", "T=7.5", "printer=my bed", f"exports={tmp_path}"])  # a row of one's own
-    write_page(own, own.folder, [])
+    write_page(own.variant, own.exports, own.printer, [])
     page = html.unescape((own.folder / PAGE).read_text())
     assert f"make sheet D=142 T=7.5 printer='my bed' exports={tmp_path}" in page
 
@@ -142,6 +145,7 @@ def test_a_command_under_way_removes_what_it_began_when_all_is_ended(tmp_path, m
         (["D=1e2", "T=8"], "plain millimetres"),
         (["d=180", "T=8"], "did you mean D=180"),
         (["D=180", "T=10", "material=Jelly"], "choose one of"),
+        (["D=250", "T=25", "material=Dragon Skin 10 Medium"], "the pot life is 20"),  # the sheet refused it at last
     ],
 )
 def test_bad_words_are_refused(words, said):

@@ -1,7 +1,8 @@
 """Masses, inertias and meshes of the finished endcap, from its CAD (kg, m, kg m2; endcap frame).
 
 Volumes and moments are closed integrals over the parts' meshes (Mirtich 1996; trimesh). Densities: silicone of its row,
-plastics of fab/slice/filaments.csv. A printed part is a skin and infill: its mass is that plastic, spread as the part.
+plastics of fab/slice/filaments.csv. A printed part is a skin and infill: its mass is that plastic, as the build sheet
+estimates it, spread as the part.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from cad.mold_core import core_body
 from cad.part import Part
 from cad.shell import shell_part
 from endcap.robot_model.fasteners import fasteners_inertial
+from fab.build_sheet.plastic import estimated_part_g
 from fab.cache import Cache
 from fab.design_page.estimate import CAMERA_AND_RING_G
 from fab.exports.preview_parts import simplified
@@ -24,12 +26,10 @@ from fab.kept import kept_interface_mesh
 from fab.meshing.mesh import from_manifold, joined, tessellate, to_manifold
 from fab.packed import packed_group
 from fab.slice.filaments import filament
-from fab.slice.settings import HARDWARE
 from fab.variant import Variant
 from sensing.simulator.robot_model.mjcf import Bodies, Inertial
 from sensing.simulator.robot_model.model import MOVING_SHARE
 
-SKIN_MM = 1.5  # E: four walls of 0.45 mm, five layers of 0.2 mm above and below
 SHELL_TOLERANCE_MM = 0.05  # chord of the shell's mesh: its volume is then right to 0.1 %
 DRAWN_TOLERANCE_MM = 0.4  # of the meshes that are drawn
 M = 1e-3
@@ -103,18 +103,19 @@ def solid_inertial(mesh: trimesh.Trimesh, density_g_cm3: float) -> Inertial:
     )
 
 
-def plastic_share(mesh: trimesh.Trimesh) -> float:
-    """Part of a printed part's volume that is plastic: skin, and infill within."""
-    skin = min(1.0, SKIN_MM * float(mesh.area) / float(mesh.volume))
-    return skin + HARDWARE.density_percent / 100 * (1 - skin)
+def printed_inertial(part: Part, mesh: trimesh.Trimesh) -> Inertial:
+    """Mass, centre and inertia of a printed part: the plastic of skin and infill, spread over its volume.
+
+    Args:
+        part: of the endcap.
+        mesh: its closed surface in the endcap frame, mm.
+    """
+    plastic = estimated_part_g(part.name, part.material, mesh)
+    return solid_inertial(mesh, plastic / (float(mesh.volume) / 1000))
 
 
 def _printed(parts: list[tuple[Part, trimesh.Trimesh]]) -> dict[str, Inertial]:
-    return {
-        part.name: solid_inertial(mesh, filament(part.material).density_g_cm3).times(plastic_share(mesh))
-        for part, mesh in parts
-        if part.role == "printed"
-    }
+    return {part.name: printed_inertial(part, mesh) for part, mesh in parts if part.role == "printed"}
 
 
 def _bought(parts: list[tuple[Part, trimesh.Trimesh]]) -> dict[str, Inertial]:

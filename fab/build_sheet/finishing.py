@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Sequence
 
 from cad.dots import dot_pattern, ring_count
@@ -13,9 +12,10 @@ from cad.pattern import step_deg
 from cad.robot_sides import robot_side
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
-from fab.build_sheet.commands import INTERPRETER, RELEASED, camera_setting, program_command, train_command, weights_g
+from fab.build_sheet.commands import INTERPRETER, RELEASED
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.dots import SCALE_LINE_MM, first_light, gores, repeat_deg, ruler
+from fab.build_sheet.first_run import first_run
 from fab.build_sheet.steps import stage_blocks, steps
 from fab.camera_view import FRAME_PX, SQUARE_PX, camera_pixels, dots_in, edge_cuts_px, edge_px, seen_dots
 
@@ -111,6 +111,17 @@ def assembling(data: SheetData) -> list[Block]:
     """
     return [
         Heading("Assemble", 1),
+        Paragraph(
+            "The chapter First light comes after A4, and the robot after it: the calibration by weight needs the "
+            "endcap upright on a level table, and there the base is quickly off if a picture is wrong. The endcap "
+            "stands on its adapter: screw that under it alone, by the five screws of A5, both cables out along the "
+            "hub's groove. For A5 take the screws out again."
+        ),
+        Paragraph(
+            "Focus the camera before A4, when the glue smells no more, for the lens is out of reach afterwards: hold a "
+            f"printed page {_focus_mm(data.layout.params):.0f} mm above the lens, as far as the dome's tip will be, "
+            "save a frame (chapter First light), and turn the lens until the letters are sharp."
+        ),
         *stage_blocks(data, "A", ("assemble",)),
         Heading("Screws, as measured on the parts"),
         Table(
@@ -127,6 +138,11 @@ def assembling(data: SheetData) -> list[Block]:
             (2.4, 1.3, 0.8, 1.4, 0.8, 1.4), is_small=True,
         ),
     ]  # fmt: skip
+
+
+def _focus_mm(params: EndcapParams) -> float:
+    """Distance of the dome's inner tip from the camera's entrance pupil, mm."""
+    return params.tip_height_mm - params.wall_mm - params.camera_height_mm
 
 
 def _robot_rows(robot: str) -> list[tuple[str, ...]]:
@@ -151,15 +167,11 @@ def light_check(data: SheetData) -> list[Block]:
     Args:
         data: of the sheet.
     """
-    params = data.layout.params
-    frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
-    # Photos of the released sensor are valid for its own size and camera only.
-    is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
-    of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
     return [
         Heading("First light", 1),
         Paragraph(
-            "Run make setup once; it installs the programs. Plug in the LED ring and the camera, let nothing touch the "
+            "The endcap stands on its adapter, and is not on the robot yet (chapter Assemble). Run make setup once; it "
+            "installs the programs. Plug in the LED ring and the camera, let nothing touch the "
             "dome, and save a frame of 640 x 480. 0 is the camera's number; "
             f"{INTERPRETER} -m sensing.sources lists them."
         ),
@@ -170,23 +182,30 @@ def light_check(data: SheetData) -> list[Block]:
             "clockwise, as on the gores."
         ),
         first_light(data.layout.params),
-        Table(
-            ("look at", "good", "if not"),
-            (
-                ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
-                ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
-                 "ink missing, or LEDs too dark"),
-                ("dots in the centre square", f"about {square} by the same{of_square}",
-                 "camera not centred"),
-                ("brightness", "no white patches; every dot darker than the silicone round it",
-                 "set the exposure by hand: --exposure V, in the driver's unit"),
-                ("dots of the common meridian", _line_words(params), _turn_words(params)),
-                ("a second frame, a finger on the dome", *_finger_words(params)),
-            ),
-            (1.4, 2.2, 2),
-        ),
-        *_first_run(data),
-    ]  # fmt: skip
+        Table(("look at", "good", "if not"), _looks(data.layout.params), (1.4, 2.2, 2)),
+        *first_run(data),
+    ]
+
+
+def _looks(params: EndcapParams) -> tuple[tuple[str, str, str], ...]:
+    """Rows of what to look at in the first frames: what, how it is when good, and the cause or fix."""
+    frame, square = seen_dots(params), dots_in(camera_pixels(params).values(), SQUARE_PX, SQUARE_PX)
+    # Photos of the released sensor are valid for its own size and camera only.
+    is_released = params == RELEASED and camera_module().name == RELEASED_MODULE
+    of_frame, of_square = ("; the released sensor: 92", "; the released sensor: 75 to 80") if is_released else ("", "")
+    return (
+        ("edge of the bright disc", edge_words(), "camera not flat on its four pads, or another lens"),
+        ("dots in the whole frame", f"about {frame} by the lens of this module{of_frame}",
+         "ink missing, or LEDs too dark"),
+        ("dots in the centre square", f"about {square} by the same{of_square}",
+         "camera not centred"),
+        ("brightness", "no white patches; every dot darker than the silicone round it",
+         "set the exposure by hand: --exposure V, in the driver's unit"),
+        ("focus", "sharp rims of the dots, near the edge, too",
+         "base off, turn the lens a little, base on again"),
+        ("dots of the common meridian", _line_words(params), _turn_words(params)),
+        ("a second frame, a finger on the dome", *_finger_words(params)),
+    )  # fmt: skip
 
 
 def edge_words() -> str:
@@ -244,54 +263,3 @@ def _finger_words(params: EndcapParams) -> tuple[str, str]:
         return good, f"both turned alike: leave the camera; {mirrored}. No program sees that from the dots"
     turned = f"both turned by {repeat:.3g}°{' or a multiple' if repeat < 180.0 else ''}: turn the board round"
     return good, f"{turned}; {mirrored}. No program sees either from the dots, and forces would point elsewhere"
-
-
-def _first_run(data: SheetData) -> list[Block]:
-    """Steps of the first run in their order: calibration, weights where none ship for this endcap, setup and live."""
-    params, material = data.layout.params, data.recipe.silicone.name
-    train = train_command(params, material)
-    weights = (
-        [Paragraph("No weights ship for this endcap. Make them (minutes); setup and live find them:"), Paragraph(train)]
-        if train
-        else []
-    )
-    return [
-        Paragraph(
-            "Then see whether the dots are found. This command writes camera.json and fit.png:"
-        ),
-        Paragraph(
-            program_command(
-                "sensing.calibrate", params, "--photo", "a.jpg", "--out", "camera.json", "--picture", "fit.png"
-            )
-        ),
-        Paragraph(
-            "fit.png is a.jpg with marks. A green cross is where the design has a dot that was found, seen by the "
-            "camera that fits best. A yellow line from a cross points to where the dot is painted, ten times as long "
-            "as it is off. A gray cross is a dot that was not found, a red ring a dark spot that is no dot."
-        ),
-        *weights,
-        Paragraph(
-            "To run it, two commands. The first takes the untouched reference, finds the camera in it, and writes "
-            "endcaps.toml. The second shows force and contact:"
-        ),
-        Paragraph(program_command("sensing.setup", params, "--silicone", shlex.quote(material))),
-        Paragraph(f"{camera_setting()}{INTERPRETER} -m sensing.live --config endcaps.toml"),
-        Paragraph(
-            'Neither reads camera.json by itself. To use it, write camera = "camera.json" under [[endcap]] in '
-            "endcaps.toml."
-        ),
-        *_weighing(weights_g(params, material)),
-    ]  # fmt: skip
-
-
-def _weighing(weights: str) -> list[Block]:
-    """Last step of the first run: known weights correct the forces for the silicone that was cast."""
-    return [
-        Paragraph(
-            "Silicone differs from batch to batch, and no picture shows how stiff yours is. Correct the forces with "
-            f"two known weights of {weights}, one near each end of that range. Stand the endcap upright on a level "
-            "table, with nothing on it. Each weight presses on the dome through a flat plate; put weight and plate on "
-            "a scale together. The command asks for one after the other:"
-        ),
-        Paragraph(f"{camera_setting()}{INTERPRETER} -m sensing.weigh --config endcaps.toml"),
-    ]

@@ -10,13 +10,13 @@ import math
 from collections.abc import Sequence
 
 from cad.dots import dot_pattern
-from cad.plain_numbers import plain
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.checks.screw_fit import LENGTHS_MM, ScrewFit, length_tolerance_mm, tip_room_wanted_mm
 from fab.recipe import LEAST_LEFT_MM3
 from fab.slice.result import is_mold
+from fab.variant import Variant
 
 ROUND_MM = 0.6  # E: of the diameter: prints to 0.2 mm, three seams, the tape
 DEPTH_MM = 0.5  # E: of the depth and the height: seats and first layers of three prints, a hand-held ruler
@@ -184,8 +184,8 @@ def record(data: SheetData) -> list[Block]:
     blank = "________"
     rows = (
         ("number on the rim; date; made by", f"{blank}  {blank}  {blank}"),
-        ("design", f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}, digest {params.digest[:12]}"),
-        ("lot of A, of B; kit opened on", f"{blank}  {blank}  {blank}"),
+        ("design", f"{Variant(data.layout, data.robot).words}; digest {params.digest[:12]}"),
+        (f"{recipe.silicone.name}: lot of A, of B; kit opened on", f"{blank}  {blank}  {blank}"),
         ("room; cast number of this mold", f"{blank} °C  {blank}"),
         (f"A ({recipe.part_a_g:.1f} g), B ({recipe.part_b_g:.1f} g)", f"{blank} g  {blank} g"),
         (f"cup, stick and mix before pouring; after ({recipe.poured_g:.0f} g less)", f"{blank} g  {blank} g"),

@@ -131,7 +131,13 @@ def _needs_blocks(data: SheetData) -> list[Block]:
          *(_total_words(need, count) for count in COUNTS))
         for need in needs
     )  # fmt: skip
-    sums = ("to pay, without tools", "", "", *(f"about {paid_usd(data, count):.0f} USD" for count in COUNTS))
+    unpriced = ", ".join(need.what for need in needs if need.usd is None)
+    sums = (
+        f"to pay, without tools{f' and {unpriced}, whose price is unknown' if unpriced else ''}",
+        "",
+        "",
+        *(f"about {paid_usd(data, count):.0f} USD" for count in COUNTS),
+    )
     slicing = make_command("slice", data)
     without = "" if data.sliced else f" Plastic is missing here until the parts are sliced: {slicing}."
     return [

@@ -113,7 +113,8 @@ def _picture(data: SheetData, line: BomLine) -> str | Path:
 
 
 def _amount(line: BomLine) -> str:
-    return f"{line.quantity:g} {line.unit}"
+    unit = "spools" if line.unit == "spool" and line.quantity != 1 else line.unit
+    return f"{line.quantity:g} {unit}"
 
 
 def _price(line: BomLine) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from cad.bought import bought_mm
-from cad.robot_sides import entry_words, fixing_words, ream_words, robot_side, robot_words
+from cad.robot_sides import LEAST_FLOOR_MM, entry_words, fixing_words, ream_words, robot_side, robot_words
 from fab.bom import screw_name
 from fab.build_sheet.blocks import Block
 from fab.build_sheet.blocks import Step as StepBlock
@@ -108,7 +108,11 @@ def _degassing(recipe: Recipe) -> str:
 def _fixing(robot: str) -> str:
     """Text on how the adapter is fastened to the robot."""
     if not robot_side(robot):
-        return "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least"
+        return (
+            "its upper side is blank: drill it for your robot, 5 mm from the hub's edge at least, clear of bore and "
+            f"groove, and sink the screws' heads, for the base lies on that side; {LEAST_FLOOR_MM:g} mm stay under a "
+            "head at least"
+        )
     ream = f"ream the pin's hole to {size} by hand; " if (size := ream_words(robot)) else ""
     depth = (
         f". A screw enters the flange {entry}: compare with your robot's flange, never longer than its thread"

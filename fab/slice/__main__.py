@@ -40,6 +40,9 @@ options, as NAME=VALUE:
   gcode=no         yes: keep the G-code beside the projects (slices anew)
   cache=no         slice everything anew: nothing is taken from earlier runs (~/.cache/endcap-toolkit), or kept
 
+The table has time, plastic and layers of each plate; "float" counts the lines that begin with plastic neither below nor
+beside them: over a pocket, in a bridge, in a strand of the gyroid.
+
 Writes D130_T8/slice/: <plate>.prusa.3mf, <plate>.orca.3mf and slice.json, whole, after every gate has held.
 exit status: 0 written; 1 a gate failed; 2 bad input, no export, or no PrusaSlicer; 130 interrupted
 """

@@ -100,7 +100,7 @@ def test_with_another_camera_the_commands_name_it_and_photos_of_the_released_sen
     assert "released sensor: 92" in str(light_check(data)) and "ENDCAP_CAMERA" not in str(light_check(data))
     monkeypatch.setenv("ENDCAP_CAMERA", "ELP-USBFHD01M-L170")
     text = str(light_check(data))
-    assert text.count("ENDCAP_CAMERA=ELP-USBFHD01M-L170 .venv/bin/python -m ") == 4
+    assert text.count("ENDCAP_CAMERA=ELP-USBFHD01M-L170 .venv/bin/python -m ") == 5
     assert "released sensor: 92" not in text
     assert make_command("slice", data).startswith("ENDCAP_CAMERA=ELP-USBFHD01M-L170 make slice D=130 T=8")
 
@@ -276,7 +276,7 @@ def test_every_command_names_this_endcap_and_the_interpreter_that_make_set_up():
     text = " ".join(block.text for block in blocks if isinstance(block, Paragraph))
     variant = "D=150 T=9 joint_clearance=0.1 material='Dragon Skin 30' robot=blank exports='my endcaps'"
     commands = re.findall(r"make (?:molds|slice|sheet|ring)[^,;.]*|\S*python -m \S+", text)
-    assert len(commands) == 9
+    assert len(commands) == 10
     assert any("-m sensing.weigh" in command for command in commands)
     assert "make train D=150 T=9 material='Dragon Skin 30'" in text
     assert "-m sensing.setup --diameter 150 --wall 9 --silicone 'Dragon Skin 30'" in text

@@ -132,6 +132,23 @@ def test_the_sheet_saves_the_frame_with_a_command_that_there_is(tmp_path, capsys
     assert end.value.code == 0 and "save one frame" in capsys.readouterr().out.lower()
 
 
+def test_the_sheet_focuses_the_lens_while_it_can_be_reached_and_checks_it_with_a_command_that_there_is(
+    tmp_path, capsys
+):
+    """No chapter named the focus; closed, the lens is under the dome."""
+    params = EndcapParams(142.0, 7.5, (1, 6, 12, 18), 3.5)
+    text, rows = sheet(params)
+    assert "base off" in rows["focus"][1]
+    words = re.search(r"python -m sensing.sources check 0 (.*? --dot-rings 1-6-12-18 --dot-mm 3.5) ", text)[1].split()
+    assert sources(["check", str(tmp_path / "missing.jpg"), *words]) == 2
+    assert "missing.jpg" in capsys.readouterr().err
+    layout = MoldLayout(params)
+    data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
+    words = " ".join(block.text for block in finishing.assembling(data) if isinstance(block, Paragraph))
+    inner_tip = params.centre_height_mm + params.inner_radius_mm
+    assert "Focus the camera before A4" in words and f"page {inner_tip - 17.0:.0f} mm above the lens" in words
+
+
 def test_no_text_of_the_chapters_has_marks_of_markdown():
     layout = MoldLayout(PARAMS)
     mix, pictures = recipe(2e5, overflow_of(layout)), dict.fromkeys(("dots", "ring_light"), Path("a.png"))

@@ -12,7 +12,9 @@ from cad.dots import dot_pattern
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
+from fab import supplies as bought
 from fab.bom import all_joints, bom_lines
+from fab.build_sheet import several
 from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.blocks import Step as StepBlock
 from fab.build_sheet.casting import casting, demolding
@@ -198,3 +200,21 @@ def test_the_record_names_what_is_weighed():
     text = str(table.rows)
     assert f"A ({data.recipe.part_a_g:.1f} g), B ({data.recipe.part_b_g:.1f} g)" in text
     assert f"digest {data.layout.params.digest[:12]}" in text and f"({data.recipe.poured_g:.0f} g less)" in text
+
+
+def test_the_record_names_the_silicone_and_the_variant():
+    """Of two endcaps of one size in two silicones the records were alike, but for the lots."""
+    data = replace(sheet_of(material="Dragon Skin 30"), manifest={"parts": PARTS, "robot": "blank"})
+    rows = dict(next(block for block in record(data) if isinstance(block, Table)).rows)
+    assert rows["design"].startswith("D=107 T=7.3 material='Dragon Skin 30' robot=blank; digest ")
+    assert "Dragon Skin 30: lot of A, of B; kit opened on" in rows
+
+
+def test_a_sum_without_the_price_of_the_silicone_says_so(monkeypatch):
+    """With a silicone of one's own and no kit of it, ten endcaps cost 760 USD too little, and no word of it."""
+    assert _needs_rows(sheet_of())[-1][0] == "to pay, without tools"
+    kits = {name: kit for name, kit in several.supplies().items() if name != "Dragon Skin 30"}
+    for module in (several, bought):
+        monkeypatch.setattr(module, "supplies", lambda: kits)
+    rows = _needs_rows(sheet_of(material="Dragon Skin 30"))
+    assert rows[-1][0] == "to pay, without tools and Dragon Skin 30, whose price is unknown"

@@ -9,15 +9,16 @@ import pytest
 from cad.mold_core import REMOVAL_ORDER
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
-from fab.build_sheet.blocks import Table
+from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.casting import _recipe_rows, casting
 from fab.build_sheet.data import SheetData
-from fab.build_sheet.finishing import assembling
+from fab.build_sheet.finishing import assembling, light_check
 from fab.build_sheet.prints import _coupon_words, _preset, bed_needed, prints
 from fab.build_sheet.steps import filled
 from fab.recipe import overflow_of, recipe
 from fab.slice.printers import printer
 from fab.steps.cast import cast_steps
+from fab.steps.endcap import all_steps
 from fab.supplies import supply_lines
 
 PARAMS = EndcapParams(150.0, 9.0)
@@ -106,6 +107,27 @@ def test_core_tape_and_coupon_are_named_before_the_step_that_is_too_late_for_the
     tape = opening.lines[1]
     assert "grit 240" in casting(data)[1].text and tape.startswith("Cut the tape") and "Draw the segments off" in tape
     assert "First the fit coupon" in prints(data)[1].text and "Not sliced yet" in prints(data)[-1].text
+
+
+def test_the_endcap_is_weighed_on_a_table_before_it_goes_onto_the_robot():
+    """The robot came first, and the calibration by weight then asked for an endcap that stands on a table."""
+    layout = MoldLayout(PARAMS)
+    data = SheetData(layout, {}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
+    before = assembling(data)[1].text
+    assert "First light comes after A4, and the robot after it" in before and "five screws of A5" in before
+    light = [block.text for block in light_check(data) if isinstance(block, Paragraph)]
+    assert light[0].startswith("The endcap stands on its adapter, and is not on the robot yet")
+    assert any("Stand the endcap on its adapter, upright on a level table" in text for text in light)
+    keys = [step.key for step in all_steps(layout, dict.fromkeys(REMOVAL_ORDER, ())) if step.stage == "assemble"]
+    assert keys[3:] == ["base", "adapter"]  # A4 and A5
+
+
+def test_heads_in_a_blank_adapter_are_sunk():
+    """The base lies on the drilled side: heads that stand out would carry it."""
+    layout = MoldLayout(PARAMS)
+    data = SheetData(layout, {"robot": "blank"}, None, recipe(2e5, overflow_of(layout)), [], [], [], [], 0.0, {})
+    fixing = filled(data, ("{robot_fixing}",))[0]
+    assert "sink the screws' heads" in fixing and "clear of bore and groove" in fixing and "5 mm stay under" in fixing
 
 
 @pytest.mark.parametrize(("robot", "words"), [("iso_9409_1_50_4_m6", "(ISO 9409-1-50-4-M6)"), ("blank", "(your own")])

@@ -19,7 +19,7 @@ from cad.materials import silicone
 from cad.mold_layout import MoldLayout
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
-from endcap.robot_model.parts import plastic_share
+from fab.build_sheet.plastic import estimated_part_g
 from fab.design_page import estimate as estimates
 from fab.design_page.answer import answer, parse_choice, preview, region
 from fab.design_page.estimate import _surface_mm2, _volume_mm3
@@ -78,7 +78,7 @@ def test_the_endcap_weighs_what_all_of_its_parts_weigh_the_spacer_too():
     grams += tpu_mm3 / 1000 * filament("TPU 95A").density_g_cm3
     for part in (base_part(params), ring_spacer_part(params)):
         mesh = tessellate(part.solid, 0.05)
-        grams += plastic_share(mesh) * mesh.volume / 1000 * filament(part.material).density_g_cm3
+        grams += estimated_part_g(part.name, part.material, mesh)
     assert estimates.estimate(layout, row, "generic256").endcap_g == pytest.approx(grams, rel=0.02)
 
 

@@ -24,10 +24,8 @@ TRUSTED = ("mjpg", "ffv1", "gif", "apng", "rle", "zmbv", "tscc", "cscd")
 ENOUGH_BITS = 2.0  # M, a pixel: from here on errors were within three standard deviations, see above
 RECORD = "record MJPEG or a lossless video; converting this one does not bring back what it left out"
 MISSING = 2  # frames less than stated: containers without an index state an estimate, which may be off by one
-COUNTING = (
-    b"RIFF",
-    b"ftyp",
-)  # at byte 0 or 4: AVI, MP4 and MOV state a count; others a time, of which OpenCV makes one
+# Heads, at byte 0 or 4, of what states a count: AVI, MP4 and MOV. Others state a time, of which OpenCV makes a count.
+COUNTING = (b"RIFF", b"ftyp")
 
 
 def coding_of(capture: cv2.VideoCapture, path: Path | str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 from collections.abc import Iterable, Sequence
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from cad.errors import FileError, ParameterError
 from cad.feasible import diameter_range_mm
+from cad.kernel import load_kernel
 from cad.materials import silicones
 from cad.messages import LOG, show
 from cad.robot_sides import robot_sides
@@ -183,8 +185,16 @@ def load_libraries(progress: Progress) -> None:
         progress: called with the name of the step.
     """
     progress("CAD kernel")
-    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
-        importlib.import_module(module)
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        load_kernel()
+        for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
+            importlib.import_module(module)
+    finally:
+        if collects:
+            gc.enable()
+    gc.freeze()  # none of it becomes garbage, and each process would search it anew
 
 
 def make_molds(

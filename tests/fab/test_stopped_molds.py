@@ -97,7 +97,8 @@ def test_the_printer_that_was_asked_for_is_noted_and_its_bed_gates_every_printed
 @pytest.mark.parametrize(
     "writer",
     [
-        *(f"writer.write_{what}" for what in ("meshes", "3mf", "solids", "assemblies", "pictures", "manifest")),
+        *(f"writer.write_{what}" for what in ("meshes", "solids", "assemblies", "pictures", "manifest")),
+        "part_3mf.write_3mf",
         "index_page.write_index",
     ],
 )

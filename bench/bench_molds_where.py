@@ -45,7 +45,7 @@ PIECES = {
     "ways out of core and cup": ("fab/checks/gates.py", "extraction_gates"),
     "joints, screw axes": ("fab/checks/gates.py", "solid_gates"),
     "through holes, walls, overhangs, beds": ("fab/checks/gates.py", "print_gates"),
-    "3MF": ("fab/exports/writer.py", "write_3mf"),
+    "3MF": ("fab/exports/part_3mf.py", "write_3mf"),
     "STL": ("fab/exports/writer.py", "write_meshes"),
     "STEP": ("fab/exports/writer.py", "write_solids"),
     "assemblies": ("fab/exports/writer.py", "write_assemblies"),

@@ -1,9 +1,10 @@
-"""The assembly as STEP: all parts with name and colour, in place or exploded (CadQuery, OCCT's XCAF).
+"""The assembly as STEP: all parts with name and colour, in place or exploded (OCCT's XCAF).
 
 Lengths are in mm in the endcap frame. The GLB is made from the meshes (:mod:`fab.exports.glb`).
 
 Notes:
     The file is reproducible byte for byte (:mod:`cad.step_file`); a new version of OCCT may still write other bytes.
+    CadQuery's assembly writes the same bytes, but to import it takes 1.7 s, most of it for VTK.
 """
 
 from __future__ import annotations
@@ -19,14 +20,15 @@ from cad.step_file import canonical_step
 from cad.whole_file import drafted
 
 if TYPE_CHECKING:
-    import cadquery
+    from OCP.TDF import TDF_Label
+    from OCP.TDocStd import TDocStd_Document
 
 Offset = tuple[float, float, float]  # displacement x, y, z in mm
 
 
 def build_assembly(
     parts: Sequence[Part], offsets: Mapping[str, Offset] | None = None, name: str = "endcap"
-) -> cadquery.Assembly:
+) -> TDocStd_Document:
     """Build an assembly from parts.
 
     Args:
@@ -35,26 +37,58 @@ def build_assembly(
         name: name of the assembly's root.
 
     Returns:
-        A CadQuery assembly of copies: exporting it neither uses nor changes triangles stored in the parts' solids.
+        A document of copies: exporting it neither uses nor changes triangles stored in the parts' solids.
 
     Raises:
         GeometryError: two parts share a name, or an offset names no part.
     """
-    import cadquery as cq
-
-    from cad.solids import copied  # loads the CAD kernel
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDataStd import TDataStd_Name
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFApp import XCAFApp_Application
+    from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
     offsets = offsets or {}
     names = [part.name for part in parts]
     unknown = sorted(set(offsets) - set(names))
     if len(set(names)) < len(names) or unknown:
         raise GeometryError(f"assembly of {names}: names must differ, and offsets for {unknown} move nothing")
-    assembly = cq.Assembly(name=name)
+    document = TDocStd_Document(TCollection_ExtendedString("BinXCAF"))
+    XCAFApp_Application.GetApplication_s().InitDocument(document)
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    shapes.SetAutoNaming_s(False)
+    root = shapes.NewShape()
+    TDataStd_Name.Set_s(root, TCollection_ExtendedString(name))
     for part in parts:
-        shape = cq.Shape.cast(copied(part.solid).wrapped)
-        place = cq.Location(offsets.get(part.name, (0.0, 0.0, 0.0)))
-        assembly.add(shape, name=part.name, color=cq.Color(*part.color), loc=place)
-    return assembly
+        _add(document, root, part, offsets.get(part.name, (0.0, 0.0, 0.0)))
+    shapes.UpdateAssemblies()
+    return document
+
+
+def _add(document: TDocStd_Document, root: TDF_Label, part: Part, offset: Offset) -> None:
+    """Add a copy of a part to the assembly, displaced by ``offset`` (mm)."""
+    from OCP.gp import gp_Trsf, gp_Vec
+    from OCP.Quantity import Quantity_Color, Quantity_ColorRGBA, Quantity_TypeOfColor
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDataStd import TDataStd_Name
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    from cad.solids import copied  # loads the CAD kernel
+
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    label, title = shapes.NewShape(), TCollection_ExtendedString(part.name)
+    builder, compound = TopoDS_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    builder.Add(compound, copied(part.solid).wrapped)
+    shapes.SetShape(label, compound)
+    TDataStd_Name.Set_s(label, title)
+    shade = Quantity_ColorRGBA(Quantity_Color(*part.color, Quantity_TypeOfColor.Quantity_TOC_sRGB), 1.0)
+    XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(label, shade, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+    place = gp_Trsf()
+    place.SetTranslationPart(gp_Vec(*offset))
+    TDataStd_Name.Set_s(shapes.AddComponent(root, label, TopLoc_Location(place)), title)
 
 
 def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float) -> dict[str, Offset]:
@@ -77,15 +111,29 @@ def exploded_offsets(spans_mm: Mapping[str, tuple[float, float]], gap_mm: float)
     return offsets
 
 
-def write_step(assembly: cadquery.Assembly, path: Path) -> None:
+def write_step(assembly: TDocStd_Document, path: Path) -> None:
     """Write an assembly as a STEP file, which appears complete or not at all.
 
     Raises:
         FileError: the file could not be written.
     """
+    from OCP.Interface import Interface_Static
+    from OCP.Message import Message, Message_Gravity
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.STEPControl import STEPControl_StepModelType
+    from OCP.XSControl import XSControl_WorkSession
+
+    for printer in Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)  # the kernel's statistics are of no use to a user
     try:
         with drafted(path) as draft:
-            assembly.export(str(draft), exportType="STEP")
+            writer = STEPCAFControl_Writer(XSControl_WorkSession(), False)
+            for setting, number in (("surfacecurve.mode", 1), ("precision.mode", 0), ("stepcaf.subshapes.name", 1)):
+                Interface_Static.SetIVal_s(f"write.{setting}", number)
+            for setting in ("xstep.cascade.unit", "write.step.unit"):
+                Interface_Static.SetCVal_s(setting, "MM")
+            writer.Transfer(assembly, STEPControl_StepModelType.STEPControl_AsIs)
+            writer.Write(str(draft))
             text = draft.read_text()
             _require_whole(path, text.rstrip().endswith("END-ISO-10303-21;"))
             draft.write_text(canonical_step(text))

@@ -23,7 +23,7 @@ from cad.shell import shell_part
 from fab.cache import Cache
 from fab.kept import kept_interface_mesh
 from fab.meshing.gyroid import InterfaceMesh, joint_band_mm, volume_above
-from fab.meshing.mesh import from_manifold, part_tolerance_mm, tessellate, to_manifold
+from fab.meshing.mesh import from_manifold, mesh_sha256, part_tolerance_mm, tessellate, to_manifold
 from fab.meshing.parts import PartMeshes
 from fab.meshing.repair import without_crossings
 from fab.packed import packed_group
@@ -111,16 +111,17 @@ def build_design(
     meshes |= {part.name: maker.of(part) for part in parts if part.name not in (core.name, "shell", "interface")}
     meshes["interface"] = gyroid.mesh
     progress("cup, gyroid, base, hardware")
-    made = {}
+    made, uncrossed = {}, set(maker.uncrossed)
     for group in (cup, hardware):
         unpacked = [packed.unpacked() for packed in group.result()]
         meshes |= {part.name: mesh for part, mesh in unpacked}
+        uncrossed |= {mesh_sha256(meshes[packed.name]) for packed in group.result() if packed.uncrossed}
         made[group] = [part for part, _ in unpacked]
     progress("shell with the gyroid's imprint")
     meshes["shell"] = imprint.result()
     ordered = {part.name: part for part in (*made[cup], *parts, *made[hardware])}
     meshes = {name: meshes[name] for name in ordered}
-    return Design(layout, ordered, meshes, gyroid, plain, robot, frozenset(maker.uncrossed))
+    return Design(layout, ordered, meshes, gyroid, plain, robot, frozenset(uncrossed))
 
 
 def imprinted(plain: trimesh.Trimesh, gyroid: trimesh.Trimesh, band_mm: tuple[float, float]) -> trimesh.Trimesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 from collections.abc import Iterable, Sequence
@@ -183,8 +184,15 @@ def load_libraries(progress: Progress) -> None:
         progress: called with the name of the step.
     """
     progress("CAD kernel")
-    for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
-        importlib.import_module(module)
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        for module in ("fab.design", "fab.exports.writer", "fab.checks.gates"):
+            importlib.import_module(module)
+    finally:
+        if collects:
+            gc.enable()
+    gc.freeze()  # none of it becomes garbage, and each process would search it anew
 
 
 def make_molds(
@@ -215,6 +223,7 @@ def make_molds(
     from fab.design import build_design
     from fab.exports import writer as files
     from fab.exports.index_page import write_index
+    from fab.exports.part_3mf import write_3mf
     from fab.exports.preview_parts import preview_glb
     from fab.kept import SAME_AT_EVERY_CLEARANCE, kept_file
 
@@ -226,7 +235,7 @@ def make_molds(
         if part.role == "printed":
             keeper = cache if name in SAME_AT_EVERY_CLEARANCE else None
             path = folder / f"{name}.3mf"
-            pending.append(workers.submit(kept_file, keeper, "3MF", design.meshes[name], path, files.write_3mf))
+            pending.append(workers.submit(kept_file, keeper, "3MF", design.meshes[name], path, write_3mf))
     files.write_solids(design, folder)
     gates = start_gates(design, folder, workers, cache)
     progress("assemblies, preview")  # while the workers check

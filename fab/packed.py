@@ -25,7 +25,7 @@ from cad.part import Part, Role
 from cad.ring_spacer import ring_spacer_part
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.cache import Cache
-from fab.meshing.mesh import part_tolerance_mm
+from fab.meshing.mesh import mesh_sha256, part_tolerance_mm
 from fab.meshing.parts import PartMeshes
 
 Group = Literal["cup", "hardware"]
@@ -40,6 +40,7 @@ class PackedPart:
         shape: the solid in OCCT's binary format.
         vertices: (n, 3) mm.
         faces: (m, 3).
+        uncrossed: whether this mesh was searched for self-intersections while it was made, and has none.
     """
 
     name: str
@@ -50,6 +51,7 @@ class PackedPart:
     shape: bytes
     vertices: np.ndarray
     faces: np.ndarray
+    uncrossed: bool
 
     def unpacked(self) -> tuple[Part, trimesh.Trimesh]:
         """The part, without its recipe, and its mesh."""
@@ -96,7 +98,9 @@ def _packed(parts: Sequence[Part], tolerance_mm: float) -> list[PackedPart]:
         BRepTools.Clean_s(part.solid.wrapped)  # the kernel's own triangles need not travel
         shape = serialize_shape(part.solid.wrapped) or b""
         points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        packed.append(PackedPart(part.name, part.role, part.material, part.color, part.quantity, shape, points, faces))
+        uncrossed = mesh_sha256(mesh) in maker.uncrossed
+        texts = part.name, part.role, part.material
+        packed.append(PackedPart(*texts, part.color, part.quantity, shape, points, faces, uncrossed))
     return packed
 
 
@@ -111,7 +115,8 @@ def _kept(cache: Cache, key: str, make: Callable[[], list[PackedPart]]) -> list[
         np.savez(arrays, vertices=part.vertices, faces=part.faces)
         files |= {f"{part.name}.brep": part.shape, f"{part.name}.npz": arrays.getvalue()}
         texts = {"name": part.name, "role": part.role, "material": part.material}
-        records.append({**texts, "color": list(part.color), "quantity": part.quantity})
+        numbers = {"color": list(part.color), "quantity": part.quantity, "uncrossed": part.uncrossed}
+        records.append(texts | numbers)
     cache.keep(key, files, {"parts": records})
     return parts
 

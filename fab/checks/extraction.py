@@ -246,9 +246,9 @@ def _draft_deg(faces: MoldingFaces, leg: Leg) -> float:
     """
     direction = np.array(leg.direction)
     opening = -(faces.normals @ direction)
-    reach = np.ptp(faces.triangles @ direction, axis=1)  # extent of each facet along the leg
-    shallow = (opening < 0) & (-opening * reach < 2 * TOLERANCE_MM)
-    opening[shallow] = 0.0
+    undercut = np.flatnonzero(opening < 0)
+    reach = np.ptp(faces.triangles[undercut] @ direction, axis=1)  # extent of each facet along the leg
+    opening[undercut[-opening[undercut] * reach < 2 * TOLERANCE_MM]] = 0.0
     return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))
 
 

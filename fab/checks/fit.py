@@ -20,10 +20,12 @@ from fab.checks.check import Check
 
 if TYPE_CHECKING:
     from build123d import Solid
+    from OCP.TopoDS import TopoDS_Shape
 
 AXIS_MM = 0.05  # accuracy to which the released patterns are known
 CLEARANCE_MM = 0.001  # largest accepted deviation of a joint clearance
 MOST_EDGE_MM = 0.005  # largest accepted tolerance of the kernel's edges
+ROUNDING_MM = 1e-7  # of the kernel's points
 BED_MM = 256.0  # side of the print bed
 MAX_OVERHANG_DEG = 45.0  # printed without support
 
@@ -84,20 +86,51 @@ def clearance_checks(layout: MoldLayout, solids: Mapping[str, Solid]) -> list[Ch
 
 
 def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
-    """Least distance, and the tolerance of the edges and corners between which it lies (0 between faces), mm."""
+    """Least distance, and the tolerance of the edges and corners between which it lies (0 between faces), mm.
+
+    It is measured between the surfaces, which takes half of the time that the kernel needs for the same distance
+    between solids: there it also asks of every corner whether it lies in the other solid. Of surfaces that do not meet
+    one corner each is enough (:func:`_one_in_other`).
+    """
     from OCP.BRep import BRep_Tool
     from OCP.BRepExtrema import BRepExtrema_DistShapeShape
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
     as_its_kind = {TopAbs_ShapeEnum.TopAbs_EDGE: TopoDS.Edge_s, TopAbs_ShapeEnum.TopAbs_VERTEX: TopoDS.Vertex_s}
-    found = BRepExtrema_DistShapeShape(first.wrapped, second.wrapped)
+    found = BRepExtrema_DistShapeShape(_surface(first), _surface(second))
     allowed = 0.0
     for number in range(1, found.NbSolution() + 1):
         ends = found.SupportOnShape1(number), found.SupportOnShape2(number)
         bounds = [as_its_kind[end.ShapeType()](end) for end in ends if end.ShapeType() in as_its_kind]
         allowed = max(allowed, sum(BRep_Tool.Tolerance_s(bound) for bound in bounds))
-    return found.Value(), allowed
+    nested = found.Value() > 0 and (_one_in_other(first, second) or _one_in_other(second, first))
+    return 0.0 if nested else found.Value(), allowed
+
+
+def _surface(solid: Solid) -> TopoDS_Shape:
+    """All shells of a solid as one shape."""
+    from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
+
+    builder, surface = TopoDS_Builder(), TopoDS_Compound()
+    builder.MakeCompound(surface)
+    for shell in solid.shells():
+        builder.Add(surface, shell.wrapped)
+    return surface
+
+
+def _one_in_other(first: Solid, second: Solid) -> bool:
+    """Whether a shell of the first solid lies in the second one; their surfaces do not meet."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+    from OCP.TopAbs import TopAbs_State
+
+    classify = BRepClass3d_SolidClassifier(second.wrapped)
+    for shell in first.shells():
+        classify.Perform(BRep_Tool.Pnt_s(shell.vertices()[0].wrapped), ROUNDING_MM)
+        if classify.State() == TopAbs_State.TopAbs_IN:
+            return True
+    return False
 
 
 def bed_check(name: str, mesh: trimesh.Trimesh) -> Check:

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from fab.checks.check import Check
-from fab.meshing.mesh import to_manifold, unique_rows, volume_mm3
+from fab.meshing.mesh import is_oriented, to_manifold, unique_rows, volume_mm3
 from fab.meshing.self_intersections import self_intersections
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def mesh_checks(
         solid_volume_mm3: volume of the solid, mm3; None where the mesh has more than the solid (gyroid).
         uncrossed: whether this same mesh was already searched for self-intersections without finding any.
     """
-    closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
+    closed = is_oriented(mesh)
     checks = [
         Check(f"{name}.watertight", float(closed), low=1),
         Check(f"{name}.bodies", float(len(to_manifold(mesh).decompose())) if closed else 0.0, 1, 1),

@@ -148,7 +148,8 @@ def write_parts(parts: Mapping[str, Part], meshes: Mapping[str, trimesh.Trimesh]
         meshes: by name, mm.
         folder: receives ``<name>.stl``, ``.step`` and ``.3mf``.
     """
-    from fab.exports.writer import write_3mf, write_shape
+    from fab.exports.part_3mf import write_3mf
+    from fab.exports.writer import write_shape
     from fab.meshing.mesh import write_stl
 
     for name, part in parts.items():

@@ -6,16 +6,11 @@ Runs with equal parameters give equal bytes.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
-
-import trimesh
 
 from cad.assembly import build_assembly, exploded_offsets, write_step
 from cad.errors import FileError
@@ -77,30 +72,6 @@ def write_shape(shape: Shape, path: Path) -> None:
             f"{path.name}: cannot be written ({error}): free some space or name another folder with exports=DIR"
         ) from error
     path.write_text(canonical_step(path.read_text()))
-
-
-def write_3mf(mesh: trimesh.Trimesh, name: str, path: Path) -> None:
-    """Write one part as 3MF with the elements of the format's core specification only.
-
-    trimesh (4) declares five extensions that it does not use, gives random identifiers of one of them, and repeats all
-    of them at the item, which the 3MF consortium's own reader refuses in strict mode.
-
-    Args:
-        mesh: mesh of the part, mm.
-        name: name of the part.
-        path: the file.
-    """
-    named = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, metadata={"name": name})
-    scene = trimesh.Scene()
-    scene.add_geometry(named, node_name=name, geom_name=name)
-    source = ZipFile(BytesIO(scene.export(file_type="3mf", compression=ZIP_STORED)))  # compressed once, below
-    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
-        for member in source.namelist():
-            data = re.sub(rb' (p:UUID|xmlns:[a-z]+)="[^"]*"', b"", source.read(member))
-            data = re.sub(rb'<item xmlns="[^"]*"', b"<item", data)
-            info = ZipInfo(member)
-            info.compress_type = ZIP_DEFLATED
-            archive.writestr(info, data, compresslevel=1)  # takes a third of the time of level 6
 
 
 def write_assemblies(design: Design, folder: Path) -> None:

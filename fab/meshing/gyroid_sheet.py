@@ -18,6 +18,7 @@ import trimesh
 from skimage.measure import marching_cubes
 
 from cad.errors import GeometryError
+from fab.meshing.mesh import is_closed
 from fab.meshing.zone_grid import ZoneGrid
 
 SNAP = 0.03  # of a step: nodes closer to a level are moved away from it, to avoid slivers
@@ -165,6 +166,6 @@ def _assembled(grid: ZoneGrid, keys: np.ndarray, places: np.ndarray, faces: np.n
     if (unique[np.minimum(corners, len(unique) - 1)] != faces).any():
         raise GeometryError("the gyroid's end faces miss its sides: use a finer step_mm")
     mesh = trimesh.Trimesh(points, corners, process=False, validate=False)
-    if not mesh.is_watertight:
+    if not is_closed(mesh):
         raise GeometryError("the gyroid sheet does not close: use a finer step_mm")
     return mesh

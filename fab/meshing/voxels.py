@@ -58,7 +58,8 @@ def inside(mesh: trimesh.Trimesh, box: VoxelBox) -> np.ndarray:
     ray = first[owner] + np.column_stack([rank // spans[owner, 1], rank % spans[owner, 1]])  # (rays, 2)
     a, b, c = (corners[:, k] for k in range(3))
     area = _cross(b - a, c - a)  # twice the signed area of the projection
-    weights = [_cross(q[owner, :2] - ray, r[owner, :2] - ray) for q, r in ((b, c), (c, a), (a, b))]
+    to_a, to_b, to_c = (corner[owner, :2] - ray for corner in (a, b, c))
+    weights = [_cross(q, r) for q, r in ((to_b, to_c), (to_c, to_a), (to_a, to_b))]
     turn = np.sign(area)[owner]
     hit = (turn != 0) & np.logical_and.reduce([weight * turn > 0 for weight in weights])
     owner, ray, turn = owner[hit], ray[hit], turn[hit]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 
 import cadquery
 import pytest
@@ -13,6 +15,7 @@ from cad.errors import FileError, GeometryError
 from cad.led_ring import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
+from cad.solids import copied
 from cad.step_file import canonical_step
 
 
@@ -41,6 +44,28 @@ def test_equal_parts_give_equal_bytes(parts, tmp_path):
     for path in (first, second):
         write_step(build_assembly(parts), path)
     assert first.read_bytes() == second.read_bytes()
+
+
+def test_the_file_is_the_one_that_cadquery_writes(parts, tmp_path):
+    offsets = {"led_ring": (0.0, 0.0, 40.0)}
+    write_step(build_assembly(parts, offsets, "exploded"), tmp_path / "a.step")
+    theirs = cadquery.Assembly(name="exploded")
+    for part in parts:
+        place = cadquery.Location(offsets.get(part.name, (0.0, 0.0, 0.0)))
+        shape = cadquery.Shape.cast(copied(part.solid).wrapped)
+        theirs.add(shape, name=part.name, color=cadquery.Color(*part.color), loc=place)
+    theirs.export(str(tmp_path / "b.step"), exportType="STEP")
+    assert (tmp_path / "a.step").read_text() == canonical_step((tmp_path / "b.step").read_text())
+
+
+def test_writing_loads_no_cadquery_and_prints_nothing(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from cad.assembly import *; from cad.ring_spacer import *; "
+        "from cad.params import EndcapParams; part = ring_spacer_part(EndcapParams(130.0, 8.0)); "
+        "write_step(build_assembly([part]), Path(sys.argv[1])); assert 'cadquery' not in sys.modules"
+    )
+    heard = subprocess.run([sys.executable, "-c", code, tmp_path / "a.step"], capture_output=True, text=True)
+    assert (heard.returncode, heard.stdout, heard.stderr) == (0, "", "")
 
 
 def test_exporting_leaves_no_triangles_in_the_parts(parts, tmp_path):

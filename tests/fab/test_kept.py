@@ -13,7 +13,7 @@ from cad.params import EndcapParams
 from fab import kept
 from fab.cache import Cache
 from fab.checks.check import Check
-from fab.exports.writer import write_3mf
+from fab.exports.part_3mf import write_3mf
 from fab.kept import kept_checks, kept_file, kept_interface_mesh
 from fab.meshing.gyroid import InterfaceMesh
 

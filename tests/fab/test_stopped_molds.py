@@ -51,7 +51,7 @@ def stub(monkeypatch, tmp_path_factory):
     design = SimpleNamespace(meshes={"hanger": None}, parts={"hanger": SimpleNamespace(role="printed")})
     monkeypatch.setattr("fab.design.build_design", lambda *_, **__: design)
     monkeypatch.setattr("fab.exports.writer.write_meshes", lambda _, folder: (folder / "hanger.stl").write_text("s"))
-    monkeypatch.setattr("fab.exports.writer.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
+    monkeypatch.setattr("fab.exports.part_3mf.write_3mf", lambda _mesh, _name, path: path.write_text("3mf"))
     monkeypatch.setattr("fab.exports.writer.picture_items", lambda _: ([], []))
     monkeypatch.setattr(
         "fab.exports.writer.write_pictures", lambda _, __, folder: (folder / "parts.png").write_text("png")
@@ -97,7 +97,8 @@ def test_the_printer_that_was_asked_for_is_noted_and_its_bed_gates_every_printed
 @pytest.mark.parametrize(
     "writer",
     [
-        *(f"writer.write_{what}" for what in ("meshes", "3mf", "solids", "assemblies", "pictures", "manifest")),
+        *(f"writer.write_{what}" for what in ("meshes", "solids", "assemblies", "pictures", "manifest")),
+        "part_3mf.write_3mf",
         "index_page.write_index",
     ],
 )

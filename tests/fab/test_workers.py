@@ -1,6 +1,7 @@
 """Workers that are killed in the middle of something, and how many there are."""
 
 import os
+import platform
 import resource
 import subprocess
 import sys
@@ -34,6 +35,31 @@ try:
 except KeyboardInterrupt:
     print("ended")
 """
+
+
+FAULTS = """
+import resource
+import numpy as np
+from fab.workers import keep_freed_memory
+
+def pages():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        arrays = [np.ones(3 << 20) for _ in range(4)]  # 24 MB each, all freed before the next four
+        del arrays
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+given_back = pages()
+keep_freed_memory()
+pages()
+print(given_back > 4 * pages())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a C library without mallopt")
+def test_freed_memory_is_taken_again_without_the_system():
+    run = subprocess.run([sys.executable, "-c", FAULTS], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert (run.stdout, run.stderr) == ("True\n", "")
 
 
 def test_an_interruption_while_a_worker_writes_its_result_ends(tmp_path):

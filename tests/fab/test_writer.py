@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 from types import SimpleNamespace
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
+import numpy as np
 import pytest
 import trimesh
 from build123d import Box, Compound, Solid, import_step
@@ -12,7 +15,8 @@ from strict_3mf import read_strictly
 
 from cad.errors import FileError
 from fab.coupons.__main__ import write_parts
-from fab.exports.writer import write_3mf, write_shape, write_solids
+from fab.exports.part_3mf import CORE, write_3mf
+from fab.exports.writer import write_shape, write_solids
 
 FULL = "/dev/full"  # every write fails with "No space left on device"
 
@@ -49,6 +53,17 @@ def test_a_mesh_as_3mf_is_sound_for_the_consortiums_strict_reader(tmp_path):
     mesh = found.GetCurrentMeshObject()
     assert (mesh.GetName(), mesh.GetTriangleCount()) == ("shell", len(ball.faces)) and mesh.IsManifoldAndOriented()
     assert trimesh.load_mesh(path).volume == pytest.approx(ball.volume)
+
+
+def test_a_3mf_has_every_coordinate_in_full_and_any_name(tmp_path):
+    ball = trimesh.creation.icosphere(1, 75.0 / 7)
+    write_3mf(ball, 'a "b" & <c>', tmp_path / "part.3mf")
+    model = ElementTree.fromstring(ZipFile(tmp_path / "part.3mf").read("3D/3dmodel.model"))
+    rows = {tag: model.iter(f"{{{CORE}}}{tag}") for tag in ("vertex", "triangle")}
+    points = [[float(row.get(axis)) for axis in "xyz"] for row in rows["vertex"]]
+    corners = [[int(row.get(corner)) for corner in ("v1", "v2", "v3")] for row in rows["triangle"]]
+    assert np.array_equal(points, ball.vertices) and np.array_equal(corners, ball.faces)
+    assert {row.get("name") for row in model.iter(f"{{{CORE}}}object")} == {'a "b" & <c>'}
 
 
 def test_a_full_disk_is_one_line_with_what_to_do(tmp_path):

@@ -23,6 +23,13 @@ def test_faces_leave_nothing_uncertain_and_a_shifted_piece_fails():
         assert check.ok == fits, gap_mm
 
 
+def test_a_piece_inside_another_one_has_no_gap():
+    outer, inner = Box(10, 10, 10).solid(), Box(2, 2, 2).solid()
+    hollow = (Box(10, 10, 10) - Box(4, 4, 4)).solid()
+    for pair, gap_mm in (((outer, inner), 0.0), ((hollow, inner), 1.0), ((hollow, Box(6, 6, 6).solid()), 0.0)):
+        assert _gap_mm(*pair)[0] == _gap_mm(*pair[::-1])[0] == pytest.approx(gap_mm, abs=1e-9)
+
+
 @pytest.mark.long
 def test_an_edge_that_the_kernel_knows_to_a_micrometre_only_is_no_narrow_joint():
     """D=126.92 T=10.77: a B-spline edge 0.15 mm long, beside its cone by 0.0011 mm; every face has its gap."""

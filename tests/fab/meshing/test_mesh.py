@@ -13,7 +13,18 @@ import trimesh
 from build123d import Solid
 
 from cad.errors import EndcapError, FileError, GeometryError
-from fab.meshing.mesh import from_manifold, read_stl, tessellate, to_manifold, unique_rows, volume_mm3, weld, write_stl
+from fab.meshing.mesh import (
+    from_manifold,
+    is_closed,
+    is_oriented,
+    read_stl,
+    tessellate,
+    to_manifold,
+    unique_rows,
+    volume_mm3,
+    weld,
+    write_stl,
+)
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -41,6 +52,28 @@ def test_another_reader_agrees(ball, tmp_path):
     assert not data.startswith(b"solid")  # ascii readers go by this word
     normal = np.frombuffer(data, "<f4", 3, 84)
     assert normal == pytest.approx(ball.face_normals[0], abs=1e-4)
+
+
+def test_a_mesh_is_closed_and_oriented_as_trimesh_says(ball):
+    faces = np.asarray(ball.faces)
+    turned = faces.copy()
+    turned[5] = turned[5, ::-1]
+    variants = {
+        "whole": faces,
+        "open": faces[1:],
+        "turned": turned,
+        "twice": np.concatenate([faces, faces[:1]]),
+        "two": np.concatenate([faces, faces[:, ::-1]]),
+        "collapsed": np.concatenate([faces, [[3, 3, 4]]]),
+    }
+    found = {}
+    for name, corners in variants.items():
+        mesh = trimesh.Trimesh(ball.vertices, corners, process=False, validate=False)
+        found[name] = is_closed(mesh), is_oriented(mesh)
+        assert found[name] == (mesh.is_watertight, mesh.is_watertight and mesh.is_winding_consistent), name
+    assert found == dict.fromkeys(variants, (False, False)) | {"whole": (True, True), "turned": (True, False)}
+    empty = trimesh.Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=int), process=False, validate=False)
+    assert not is_closed(empty) and not is_oriented(empty)
 
 
 @pytest.mark.parametrize("keep", [0, 50, 84, 84 + 50 * 3, -1])

@@ -16,7 +16,7 @@ from sensing.doctor.finding import Finding, Verdict, below, finding
 from sensing.doctor.picture import picture_findings
 from sensing.doctor.stream import stream_findings
 from sensing.records import Frame, Image
-from sensing.sources.coding import RECORD, coding_doubt
+from sensing.sources.coding import RECORD, coding_fault
 from sensing.sources.newest import FrameSource, LiveSource
 
 DECODED, AVERAGED = 20, 5  # frames that are decoded, and of these the ones that make the picture that is judged
@@ -63,7 +63,7 @@ def examine(
         return Report(source, 0, None, (none,))
     found = stream_findings(frames, asked_hz) if timed else []
     if coding := next((frame.coding for frame in frames if frame.coding), ""):
-        found.append(finding("coding", Verdict.LOOK, coding_doubt(coding).removesuffix(f": {RECORD}"), RECORD))
+        found.append(finding("coding", Verdict.LOOK, coding_fault(coding), RECORD))
     pictures, damaged = _decoded(frames)
     if damaged or not pictures:
         looked = len(damaged) + len(pictures)

@@ -52,16 +52,25 @@ def coding_of(capture: cv2.VideoCapture, path: Path | str) -> str:
     return "" if bits >= ENOUGH_BITS else f"{name} at {bits:.2g} bits a pixel"
 
 
-def coding_doubt(coding: str) -> str:
-    """What is wrong with the pictures of such a video, and what to do, one line.
+def coding_fault(coding: str) -> str:
+    """What is wrong with the pictures of such a video; what to do is :data:`RECORD`.
 
     Args:
         coding: as of :func:`coding_of`, not empty.
     """
     return (
         f"the video ({coding}) keeps parts of its pictures, which shows dots late, and forces may be off by more than "
-        f"their uncertainty says: {RECORD}"
+        "their uncertainty says"
     )
+
+
+def coding_doubt(coding: str) -> str:
+    """What is wrong with the pictures of such a video, and what to do, one line.
+
+    Args:
+        coding: as of :func:`coding_of`, not empty.
+    """
+    return f"{coding_fault(coding)}: {RECORD}"
 
 
 def cut_note(path: Path | str, capture: cv2.VideoCapture, frames: int, last_s: float) -> str:

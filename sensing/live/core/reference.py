@@ -198,14 +198,12 @@ class ReferenceTaker:
             if single
             else take_zero(request.frames, self._name, self._params)
         )
-        if not request.confirmed:
-            self._dark.require_brighter(zero.image)
+        if request.confirmed:
+            return Reference(zero, self._build(zero))
+        self._dark.require_brighter(zero.image)
         method = self._build(zero)
-        if not request.confirmed:
-            self._dark.require_light(self._check(method), zero.image)
-        if single:
-            return Reference(zero, method)
-        if not request.confirmed and isinstance(method, ModelInput):
+        self._dark.require_light(self._check(method), zero.image)
+        if not single and isinstance(method, ModelInput):
             if last is not None and last.image.shape == zero.image.shape:
                 before = self._build(last)
                 assert isinstance(before, ModelInput)

@@ -67,22 +67,19 @@ def build_assembly(
 
 def _add(document: TDocStd_Document, root: TDF_Label, part: Part, offset: Offset) -> None:
     """Add a copy of a part to the assembly, displaced by ``offset`` (mm)."""
+    from build123d import Compound
     from OCP.gp import gp_Trsf, gp_Vec
     from OCP.Quantity import Quantity_Color, Quantity_ColorRGBA, Quantity_TypeOfColor
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
     from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
     from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
     from cad.solids import copied  # loads the CAD kernel
 
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     label, title = shapes.NewShape(), TCollection_ExtendedString(part.name)
-    builder, compound = TopoDS_Builder(), TopoDS_Compound()
-    builder.MakeCompound(compound)
-    builder.Add(compound, copied(part.solid).wrapped)
-    shapes.SetShape(label, compound)
+    shapes.SetShape(label, Compound([copied(part.solid)]).wrapped)
     TDataStd_Name.Set_s(label, title)
     shade = Quantity_ColorRGBA(Quantity_Color(*part.color, Quantity_TypeOfColor.Quantity_TOC_sRGB), 1.0)
     XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(label, shade, XCAFDoc_ColorType.XCAFDoc_ColorSurf)

@@ -20,7 +20,6 @@ from fab.checks.check import Check
 
 if TYPE_CHECKING:
     from build123d import Solid
-    from OCP.TopoDS import TopoDS_Shape
 
 AXIS_MM = 0.05  # accuracy to which the released patterns are known
 CLEARANCE_MM = 0.001  # largest accepted deviation of a joint clearance
@@ -92,13 +91,15 @@ def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
     between solids: there it also asks of every corner whether it lies in the other solid. Of surfaces that do not meet
     one corner each is enough (:func:`_one_in_other`).
     """
+    from build123d import Compound
     from OCP.BRep import BRep_Tool
     from OCP.BRepExtrema import BRepExtrema_DistShapeShape
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
     as_its_kind = {TopAbs_ShapeEnum.TopAbs_EDGE: TopoDS.Edge_s, TopAbs_ShapeEnum.TopAbs_VERTEX: TopoDS.Vertex_s}
-    found = BRepExtrema_DistShapeShape(_surface(first), _surface(second))
+    surfaces = (Compound(solid.shells()).wrapped for solid in (first, second))
+    found = BRepExtrema_DistShapeShape(*surfaces)
     allowed = 0.0
     for number in range(1, found.NbSolution() + 1):
         ends = found.SupportOnShape1(number), found.SupportOnShape2(number)
@@ -106,17 +107,6 @@ def _gap_mm(first: Solid, second: Solid) -> tuple[float, float]:
         allowed = max(allowed, sum(BRep_Tool.Tolerance_s(bound) for bound in bounds))
     nested = found.Value() > 0 and (_one_in_other(first, second) or _one_in_other(second, first))
     return 0.0 if nested else found.Value(), allowed
-
-
-def _surface(solid: Solid) -> TopoDS_Shape:
-    """All shells of a solid as one shape."""
-    from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
-
-    builder, surface = TopoDS_Builder(), TopoDS_Compound()
-    builder.MakeCompound(surface)
-    for shell in solid.shells():
-        builder.Add(surface, shell.wrapped)
-    return surface
 
 
 def _one_in_other(first: Solid, second: Solid) -> bool:

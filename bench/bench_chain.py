@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.sizes import Size, option_sizes, random_sizes
 from cad.errors import EndcapError
 from cad.materials import silicones
-from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
+from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
 from cad.robot_sides import robot_sides
 from fab.slice.footprints import require_printer
 from fab.slice.printers import printer, printers

@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.sizes import WATCHED, Made, Size, code_digest, make, older_digests, option_sizes, random_sizes, survey
 from cad.errors import EndcapError, ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
-from cad.mold_layout import JOINT_CLEARANCE_MM
+from cad.mold.layout import JOINT_CLEARANCE_MM
 from cad.options import DESIGN_DEFAULTS, PATTERN_DEFAULTS, parse_design, parse_length, parse_options
 from cad.plain_numbers import plain
 from fab.workers import end_with_parent, processes_with_room

@@ -15,8 +15,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from cad.interface import build_interface
-from cad.mold_cup import cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import cup_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.design import build_core_solids
 from fab.meshing.mesh import TOLERANCE_MM, tessellate

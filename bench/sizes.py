@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from cad.errors import EndcapError
 from cad.feasible import diameter_range_mm, wall_range_mm
-from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
+from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout, joint_clearance_range_mm
 from cad.params import EndcapParams
 from cad.pattern import (
     DOT_RANGE_MM,
@@ -41,7 +41,7 @@ SEED = 12
 RANDOM_SIZES = 1000
 # What decides whether a size comes out: solids, meshes, gates and the sweeps of the steps.
 CODE = (
-    *("cad/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
+    *("cad/**/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
     *("fab/packed.py", "fab/bom.py", "fab/exports/writer.py"),
 )
 # How files get their names, workers and commands end, and lines are printed; not what is in a file.

@@ -7,8 +7,8 @@ wells round them shows that the mold is full. Millimetres, endcap frame, casting
 from __future__ import annotations
 
 from cad.fasteners import ScrewJoint
-from cad.mold_cup import BOWL
-from cad.mold_layout import PIN_DEPTH_MM, PIN_PLAY_MM, PIN_SOCKET_RADIUS_MM, MoldLayout, rotated
+from cad.mold.cup import BOWL
+from cad.mold.layout import PIN_DEPTH_MM, PIN_PLAY_MM, PIN_SOCKET_RADIUS_MM, MoldLayout, rotated
 from cad.part import Part
 from cad.solids import cut_holes, drill, fused, one_solid
 

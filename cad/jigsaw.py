@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from build123d import Face, Pos, Rot, Solid, Vector
 
-from cad.mold_layout import NECK_FILLET_MM, MoldLayout, rotated
+from cad.mold.layout import NECK_FILLET_MM, MoldLayout, rotated
 from cad.outlines import disc, polygon
 from cad.solids import one_solid
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from build123d import Plane, Solid
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.part import Part, Recipe
 from cad.solids import copied, cut_holes, drill, one_solid
 
@@ -20,7 +20,7 @@ def shell_part(layout: MoldLayout, core: Solid) -> Part:
 
     Args:
         layout: mold sizes.
-        core: the whole core with bumps (:func:`cad.mold_core.core_body`).
+        core: the whole core with bumps (:func:`cad.mold.core.core_body`).
     """
     params = layout.params
     sphere = Solid.make_sphere(params.outer_radius_mm, Plane(origin=(0, 0, params.centre_height_mm)), -90, 90, 360)

@@ -13,7 +13,7 @@ from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_GYROID, RELEASED_RINGS, parse_rings
 
 if TYPE_CHECKING:
-    from cad.mold_layout import MoldLayout
+    from cad.mold.layout import MoldLayout
     from endcap.simulator import Simulator
     from endcap.solid import TwoKernelSolid
     from sensing.design.report import Report
@@ -59,7 +59,7 @@ class Endcap:
     @cached_property
     def layout(self) -> MoldLayout:
         """Sizes of the mold, mm."""
-        from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+        from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout
 
         gap = self.joint_clearance_mm
         return MoldLayout(self.params, JOINT_CLEARANCE_MM if gap is None else gap, self.silicone)
@@ -80,8 +80,8 @@ class Endcap:
     def mold(self) -> dict[str, TwoKernelSolid]:
         """Cup, core and hanger, piece by piece in their casting positions; names are those of the files."""
         from cad.hanger import hanger_part
-        from cad.mold_core import core_parts
-        from cad.mold_cup import cup_parts
+        from cad.mold.core import core_parts
+        from cad.mold.cup import cup_parts
 
         parts = [*cup_parts(self.layout), *core_parts(self.layout, self._core), hanger_part(self.layout)]
         return {part.name: _solid(part) for part in parts}
@@ -162,7 +162,7 @@ class Endcap:
 
     @cached_property
     def _core(self) -> Any:
-        from cad.mold_core import core_body
+        from cad.mold.core import core_body
 
         return core_body(self.layout)
 

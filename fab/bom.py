@@ -12,7 +12,7 @@ from typing import Any
 import trimesh
 
 from cad.fasteners import BomLine, ScrewJoint
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT, ream_words, robot_side, robot_words
 from fab.checks.check import Check
 from fab.checks.screw_fit import ScrewFit, fitted
@@ -31,14 +31,15 @@ MOLD_USE = "closes the mold"  # of nuts and washers that stay with the mold
 
 def all_joints(layout: MoldLayout) -> tuple[ScrewJoint, ...]:
     """Every screw joint of endcap and mold, as the parts return them."""
-    from cad import arm_adapter, base, hanger, mold_cup
+    from cad import arm_adapter, base, hanger
+    from cad.mold import cup
 
     params = layout.params
     return (
         *base.screw_joints(params),
         *arm_adapter.screw_joints(params),
         *hanger.screw_joints(layout),
-        *mold_cup.screw_joints(layout),
+        *cup.screw_joints(layout),
     )
 
 

@@ -15,7 +15,7 @@ from cad.errors import EndcapError
 from cad.extras import program
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.messages import LOG
-from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.options import (
     DESIGN_DEFAULTS,
     FROM_MAKE,

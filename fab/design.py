@@ -14,8 +14,8 @@ import trimesh
 
 from cad.hanger import hanger_part
 from cad.interface import build_interface
-from cad.mold_core import core_body, core_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.core import core_body, core_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from cad.robot_sides import DEFAULT_ROBOT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.recipe import SHOWN_RATIO, Recipe
 
 STEP_KG = 0.5

@@ -17,10 +17,10 @@ import trimesh
 from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.camera import camera_part
-from cad.led_ring import led_ring_part
+from cad.led_ring.board import led_ring_part
 from cad.lens import camera_module
-from cad.mold_cup import cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import cup_parts
+from cad.mold.layout import MoldLayout
 from cad.part import Part, Role
 from cad.ring_spacer import ring_spacer_part
 from cad.robot_sides import DEFAULT_ROBOT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cad.errors import ParameterError
 from cad.materials import silicone, silicones
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.recipe import closed_cast_mm3, timeline
 
 

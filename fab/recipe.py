@@ -20,7 +20,7 @@ from cad.feasible import DAM_MARGIN_MM
 from cad.interface import edge_room_mm3, zone_volume_mm3
 from cad.leak import leak_ratio, solid_shell_mm3
 from cad.materials import DEFAULT_SILICONE, Silicone, mix_parts, silicone
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.check import Check
 

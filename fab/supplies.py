@@ -15,7 +15,7 @@ from cad.data_table import positive, read_table
 from cad.fasteners import BomLine
 from cad.lens import camera_module
 from cad.materials import silicones
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT, robot_side
 from fab.lift import lift_kg
 from fab.recipe import Recipe

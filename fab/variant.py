@@ -13,7 +13,7 @@ from typing import Any
 from cad.data_table import file_name
 from cad.lens import camera_module, camera_setting, other_module
 from cad.materials import DEFAULT_SILICONE
-from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from cad.robot_sides import DEFAULT_ROBOT, robot_side

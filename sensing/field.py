@@ -32,7 +32,7 @@ from sensing.decode import FrameError, decode_bgr
 from sensing.records import DotTracks, Frame, ShearField
 from sensing.sources.coding import coding_doubt
 from sensing.sources.files import FolderSource, VideoSource, read_picture
-from sensing.tracking.field_picture import draw_field
+from sensing.tracking.field.picture import draw_field
 from sensing.tracking.gelslim import CHANGE_CHANNELS, CHANNELS, GelslimConfig, GelslimField, derived_channels
 from sensing.tracking.methods import DotField, FieldMethod, field_method, known_methods
 from sensing.tracking.zero import MOST_UNSEEN, load_zero

@@ -68,7 +68,7 @@ def _remove_cache(folder: str) -> None:
 @pytest.fixture(scope="session")
 def released_mold():
     """Layout, parts by name and meshes by name of cup and core at D=130 T=8."""
-    from cad.mold_layout import MoldLayout
+    from cad.mold.layout import MoldLayout
     from cad.params import EndcapParams
 
     layout = MoldLayout(EndcapParams(130.0, 8.0))
@@ -78,8 +78,8 @@ def released_mold():
 
 def packed_mold(layout):
     """Cup and core with their meshes."""
-    from cad.mold_core import core_body, core_parts
-    from cad.mold_cup import cup_parts
+    from cad.mold.core import core_body, core_parts
+    from cad.mold.cup import cup_parts
     from fab.meshing.mesh import TOLERANCE_MM
     from fab.packed import _packed
 

@@ -23,7 +23,8 @@ BOTTOM_NAMES = (
 )
 BOTTOM = {f"cad.{name}" for name in BOTTOM_NAMES.split()}
 PLAIN = BOTTOM | {
-    f"cad.{name}" for name in ("bought", "led_parts", "leak", "led_placement", "mold_layout", "part", "robot_sides")
+    f"cad.{name}"
+    for name in ("bought", "leak", "led_ring.parts", "led_ring.placement", "mold.layout", "part", "robot_sides")
 }  # standard library only, too
 SHARED = {
     f"sensing.{name}"
@@ -230,7 +231,7 @@ def test_every_package_of_sensing_has_its_arrows_and_they_have_no_cycle():
         ("sensing.flow", "from fab.meshing.mesh import weld", {"fab.meshing.mesh"}),
         ("sensing.flow", "def f():\n    import build123d.topology", {"build123d.topology"}),
         ("sensing.flow", "from cad import base, params", {"cad.base"}),
-        ("sensing.flow", "from cad.mold_layout import MoldLayout", {"cad.mold_layout"}),
+        ("sensing.flow", "from cad.mold.layout import MoldLayout", {"cad.mold.layout"}),
         ("sensing.flow", "from sensing.simulator.render.dome import ray", {"sensing.simulator.render.dome"}),
         ("sensing.flow", "from sensing.train import main", {"sensing.train"}),
         ("sensing.simulator.render.dome", "from sensing.flow import track", {"sensing.flow"}),
@@ -268,7 +269,7 @@ def loaded_after(statement: str) -> set[str]:
 
 
 def test_importing_parameters_loads_nothing_heavy():
-    assert loaded_after("import cad.params, cad.dots, cad.mold_layout, cad.bought, cad.part") & set(HEAVY) == set()
+    assert loaded_after("import cad.params, cad.dots, cad.mold.layout, cad.bought, cad.part") & set(HEAVY) == set()
 
 
 def test_the_command_line_loads_nothing_heavy_before_it_has_read_its_options():

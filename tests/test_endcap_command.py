@@ -21,7 +21,7 @@ INTERNAL = {  # of the checkout, started by other commands, or by who maintains 
     "fab.clean",
     "sensing.live.web.process",
     "sensing.simulator.robot.scene",
-    "sensing.simulator.reduced.library_fit",
+    "sensing.simulator.reduced.library.fit",
     "sensing.simulator.similarity.solve",
     "sensing.simulator.solid.own_weight_table",
 }

@@ -6,6 +6,8 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ import pytest
 from endcap.command import SUBCOMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE_LINES, FUNCTION_LINES, COLUMNS = 300, 40, 120
+FILE_LINES, FUNCTION_LINES, COLUMNS, SAME_PREFIX = 300, 40, 120, 2
 PACKAGES = ("cad", "endcap", "fab", "sensing", "bench", "scripts", "tests")
 PUBLIC = ("cad", "endcap", "fab", "sensing")
 ONE_A_LINE = ("cad", "fab", "sensing", "endcap")
@@ -26,6 +28,13 @@ def sources(packages: tuple[str, ...]) -> dict[str, str]:
 
 def long_files(texts: dict[str, str]) -> set[str]:
     return {name for name, text in texts.items() if len(text.splitlines()) > FILE_LINES}
+
+
+def repeated_prefixes(names: Iterable[str]) -> set[str]:
+    """``folder/prefix_`` of more than two modules of a folder, which are a package; not the programs of bench."""
+    paths = [Path(name) for name in names]
+    words = Counter(f"{path.parent.as_posix()}/{path.stem.split('_')[0]}_" for path in paths if path.stem[0] != "_")
+    return {prefix for prefix, count in words.items() if count > SAME_PREFIX} - {"bench/bench_"}
 
 
 def pages(packages: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, str]:
@@ -121,6 +130,11 @@ def _public(tree: ast.Module):
 def test_nothing_is_over_the_limits(over, packages):
     found = over(sources(packages))
     assert not found, "\n".join(sorted(found))
+
+
+def test_a_prefix_that_repeats_is_a_package():
+    assert repeated_prefixes(["a/led_x.py", "a/led_y.py", "a/led.py", "a/lens.py", "b/led_z.py"]) == {"a/led_"}
+    assert not repeated_prefixes(sources((*PUBLIC, "bench")))
 
 
 def test_pages_are_as_readable_as_programs():

@@ -12,8 +12,8 @@ import pytest
 
 from cad import base, coupons, pattern, scaling
 from cad.bought import bought_mm
-from cad.led_parts import led_part
-from cad.led_placement import LED_COUNT
+from cad.led_ring.parts import led_part
+from cad.led_ring.placement import LED_COUNT
 from cad.materials import silicone
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID

@@ -38,7 +38,7 @@ def test_the_digest_covers_what_is_made_and_checked():
     paths = {path.relative_to(sizes.ROOT).as_posix() for pattern in sizes.CODE for path in sizes.ROOT.glob(pattern)}
     assert {
         "cad/materials.csv",
-        "cad/mold_core.py",
+        "cad/mold/core.py",
         "fab/design.py",
         "fab/checks/gates.py",
         "fab/steps/cast.py",

@@ -60,7 +60,7 @@ def test_the_modules_are_those_of_the_wheel_and_their_data_is_read(installed, tm
     code = (
         "import cad, fab, sensing, endcap.command\n"
         "from cad.bought import bought_table\n"
-        "from cad.led_parts import led_part\n"
+        "from cad.led_ring.parts import led_part\n"
         "from cad.materials import silicones\n"
         "from cad.params import EndcapParams\n"
         "from cad.typed_folder import EXPORTS\n"

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from cad.materials import silicone
-from cad.mold_core import core_body
+from cad.mold.core import core_body
 from cad.part import Part
 from cad.shell import shell_part
 from endcap.robot_model.fasteners import fasteners_inertial

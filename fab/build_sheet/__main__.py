@@ -113,7 +113,7 @@ def _collect(
     export: Export, sliced: dict[str, Any] | None, folder: Path, progress: Progress
 ) -> tuple[SheetData, dict[str, Any]]:
     """Measure, check and draw; return the data of the sheet and the content of its record."""
-    from cad.mold_core import REMOVAL_ORDER
+    from cad.mold.core import REMOVAL_ORDER
     from fab.bom import all_joints, bom_checks
     from fab.build_sheet.data import SheetData
     from fab.build_sheet.lighting import ring_checks
@@ -197,7 +197,7 @@ def open_workshop(export: Export) -> Workshop:
         FileError: a file is missing or changed, or the adapter has other holes than its robot's rows have now.
     """
     from cad.camera import camera_part
-    from cad.led_ring import led_ring_part
+    from cad.led_ring.board import led_ring_part
     from fab.bom import fit_joints
     from fab.build_sheet.pictures import Workshop
     from fab.build_sheet.robot_holes import require_holes
@@ -222,9 +222,10 @@ def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
     Args:
         export: folder of `make molds`.
     """
-    from cad import arm_adapter, hanger, interface, mold_core, mold_cup, shell
+    from cad import arm_adapter, hanger, interface, shell
+    from cad.mold import core, cup
 
-    stems = {"cup_": mold_cup.COLOR, "core_": mold_core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
+    stems = {"cup_": cup.COLOR, "core_": core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
     stems |= {"shell": shell.COLOR, "base": (0.30, 0.33, 0.38), "ring_spacer": (0.96, 0.84, 0.36)}
     stems["arm_adapter"] = arm_adapter.COLOR
     names = [part["name"] for part in export.manifest["parts"] if part["role"] != "bought"]

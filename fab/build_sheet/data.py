@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.fasteners import BomLine
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.screw_fit import ScrewFit
 from fab.recipe import Recipe

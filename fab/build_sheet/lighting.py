@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cad.led_placement import LED_COUNT, LED_RANGE
+from cad.led_ring.placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
 from cad.plain_numbers import plain
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Step, Table

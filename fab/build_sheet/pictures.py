@@ -19,7 +19,7 @@ from cad.bought import bought_mm
 from cad.dots import dot_pattern, dot_position_mm
 from cad.fasteners import ScrewJoint
 from cad.interface import POCKET_FLOOR_MM
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.checks.extraction import Leg
 from fab.checks.screw_fit import ScrewFit
 from fab.meshing.mesh import from_manifold, joined, to_manifold

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cad.mold_layout import JOINT_CLEARANCE_RANGE_MM, joint_clearance_range_mm
+from cad.mold.layout import JOINT_CLEARANCE_RANGE_MM, joint_clearance_range_mm
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import coupons_line, make_command
 from fab.build_sheet.data import SheetData

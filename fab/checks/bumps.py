@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.pattern import LEAST_BRIDGE_MM
 from fab.checks.check import Check
 

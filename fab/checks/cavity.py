@@ -21,8 +21,8 @@ from cad.dots import dot_pattern
 from cad.interface import COLLAR_CLEARANCE_MM, VENT_DIAMETER_MM, vent_azimuths_deg
 from cad.leak import LEAK_RATIO, leak_ratio
 from cad.materials import silicone
-from cad.mold_core import ramp_end
-from cad.mold_layout import MoldLayout
+from cad.mold.core import ramp_end
+from cad.mold.layout import MoldLayout
 from fab.checks.check import Check
 from fab.checks.core_filler import FACETS, core_filler
 from fab.meshing.gyroid import volume_above

@@ -12,8 +12,8 @@ import manifold3d
 import numpy as np
 
 from cad.dots import dot_pattern
-from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm
-from cad.mold_layout import MoldLayout
+from cad.mold.core import bump_sphere_centre_mm, bump_sphere_radius_mm
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 
 FACETS = 256  # of a circle: 0.01 mm of chord error, far less than the depths that stay open

@@ -1,7 +1,7 @@
 """Checks that the mold's pieces can be removed: each is moved in small steps past the pieces that are still in place.
 
 A path is a sequence of straight legs (unit direction, length). Core pieces leave through the bore of the TPU interface
-in the order of :data:`cad.mold_core.REMOVAL_ORDER`; cup segments move away from the equator. Silicone and TPU flange
+in the order of :data:`cad.mold.core.REMOVAL_ORDER`; cup segments move away from the equator. Silicone and TPU flange
 are closed forms (sphere, ramp, bumps, bore), exact at the sampled points; other pieces are meshes. Millimetres, endcap
 frame.
 """
@@ -16,8 +16,8 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from fab.checks.cavity import cavity_faces
 from fab.checks.molding_faces import MoldingFaces, molding_faces, nearest_bump
 from fab.meshing.mesh import TOLERANCE_MM, to_manifold
@@ -66,7 +66,7 @@ class Extraction:
 def extract_core(
     layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh], paths: Mapping[str, tuple[Leg, ...]] | None = None
 ) -> list[Extraction]:
-    """Removal of the core's pieces in the order of :data:`cad.mold_core.REMOVAL_ORDER`.
+    """Removal of the core's pieces in the order of :data:`cad.mold.core.REMOVAL_ORDER`.
 
     Args:
         layout: mold sizes.

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.part import Part
 from cad.solids import drill, intersected
 from fab.checks.cavity import cavity_faces

@@ -13,7 +13,7 @@ from pathlib import Path
 import trimesh
 
 from cad.interface import build_zone
-from cad.mold_layout import JOINT_CLEARANCE_MM, MoldLayout
+from cad.mold.layout import JOINT_CLEARANCE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from cad.robot_sides import DEFAULT_ROBOT

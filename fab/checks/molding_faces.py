@@ -10,8 +10,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from cad.dots import dot_pattern
-from cad.mold_core import bump_sphere_centre_mm, bump_sphere_radius_mm, ramp_end
-from cad.mold_layout import MoldLayout
+from cad.mold.core import bump_sphere_centre_mm, bump_sphere_radius_mm, ramp_end
+from cad.mold.layout import MoldLayout
 
 FACING = 0.95  # least cosine between a facet's normal and that of the surface
 SURFACE_MM = 0.05  # largest distance of facets from the surface that they approximate

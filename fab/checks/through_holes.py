@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import trimesh
 
 from cad.hanger import screw_joints
-from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import BOWL, COLLAR
+from cad.mold.layout import MoldLayout
 from fab.checks.check import Check
 
 

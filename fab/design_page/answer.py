@@ -15,7 +15,7 @@ from cad.dots import dot_pattern
 from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import silicone, silicones
-from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
+from cad.mold.layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout, joint_clearance_range_mm
 from cad.options import PATTERN_DEFAULTS
 from cad.params import EndcapParams
 from cad.robot_sides import DEFAULT_ROBOT, robot_sides, robot_words

@@ -14,7 +14,7 @@ import numpy as np
 
 from cad.lens import camera_module
 from cad.materials import Silicone
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.design_page.outline import Profile, parts
 from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.slice.filaments import filament

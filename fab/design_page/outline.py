@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from cad import arm_adapter, led_ring, ring_spacer
+from cad import arm_adapter, ring_spacer
 from cad.base import RECESS_RADIUS_MM, flank_profile
 from cad.interface import COLOR as TPU_COLOR
 from cad.interface import zone_clip_radius_mm, zone_radii_mm
-from cad.mold_layout import MoldLayout
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.exports.preview import PreviewPart
 from fab.meshing.mesh import joined
@@ -151,9 +152,7 @@ def _ring(inner: float, outer: float, low: float, high: float) -> Profile:
 
 def _led_ring() -> Profile:
     seat = ring_spacer.SEAT_Z_MM
-    return _ring(
-        led_ring.BOARD_INNER_RADIUS_MM, led_ring.BOARD_OUTER_RADIUS_MM, seat, seat + led_ring.BOARD_THICKNESS_MM
-    )
+    return _ring(BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, seat, seat + BOARD_THICKNESS_MM)
 
 
 def _spacer() -> Profile:

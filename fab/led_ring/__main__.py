@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from cad.led_placement import LED_COUNT, LED_RANGE, placements
+from cad.led_ring.placement import LED_COUNT, LED_RANGE, placements
 from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams

@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cad.led_placement import LED_COUNT, placements
+from cad.led_ring.placement import LED_COUNT, placements
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import product
 
-from cad import led_ring
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from cad.params import EndcapParams
 from fab.checks.check import Check
 from fab.led_ring.driver import (
@@ -160,7 +160,7 @@ def temperatures_c(driver: Driver, params: EndcapParams, room_c: float) -> dict[
     heat = driver.input_w + CAMERA_A * driver.v_in
     dome = 2 * math.pi * (1e-3 * params.outer_radius_mm) ** 2
     inside = room_c + heat * (2 / FILM_W_M2K + 1e-3 * params.wall_mm / RUBBER_W_MK) / dome
-    outer, inner = (1e-3 * r for r in (led_ring.BOARD_OUTER_RADIUS_MM, led_ring.BOARD_INNER_RADIUS_MM))
+    outer, inner = (1e-3 * r for r in (BOARD_OUTER_RADIUS_MM, BOARD_INNER_RADIUS_MM))
     face = math.pi * (outer**2 - inner**2)
     warm = driver.input_w - LIGHT_SHARE * driver.led_w
     board = inside + warm / (face * (BOARD_FILM_W_M2K + PLASTIC_W_MK / (1e-3 * PLASTIC_MM)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from cad.led_placement import LED_COUNT, placements
+from cad.led_ring.placement import LED_COUNT, placements
 from fab.checks.check import Check
 
 Pin = tuple[str, str]  # reference, pin

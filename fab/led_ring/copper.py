@@ -1,8 +1,8 @@
 """Copper of the LED ring: pads, tracks, vias and the ground plane, as polygons in the board plane.
 
 Millimetres, endcap x and y seen from the dome. Two layers: parts and tracks on top; the bottom is a ground plane that
-leaves out the plug's supply. Tracks are drawn in unrolled coordinates (:mod:`cad.led_placement`), radius up, and mapped
-onto the board.
+leaves out the plug's supply. Tracks are drawn in unrolled coordinates (:mod:`cad.led_ring.placement`), radius up, and
+mapped onto the board.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from itertools import pairwise
 from shapely import LineString, Point, Polygon, unary_union
 from shapely.geometry.base import BaseGeometry
 
-from cad.led_parts import led_part
-from cad.led_placement import LED_COUNT, MIDDLE_RADIUS_MM, Placement, placements, unrolled
-from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from cad.led_ring.parts import led_part
+from cad.led_ring.placement import LED_COUNT, MIDDLE_RADIUS_MM, Placement, placements, unrolled
 from fab.led_ring.circuit import netlist
 from fab.led_ring.lands import lands_of
 

@@ -27,8 +27,8 @@ import math
 from dataclasses import dataclass, replace
 
 from cad.errors import ParameterError
-from cad.led_parts import led_part
-from cad.led_placement import LED_COUNT, led_azimuths_deg
+from cad.led_ring.parts import led_part
+from cad.led_ring.placement import LED_COUNT, led_azimuths_deg
 
 V_REFERENCE = 0.200  # S, LED01: V_FB, 0.196 to 0.204
 V_REFERENCE_SPREAD = 0.02  # S

@@ -21,7 +21,7 @@ from shapely import LineString, MultiPolygon, Point, Polygon, box, unary_union
 from shapely.geometry.base import BaseGeometry
 
 from cad.errors import FileError
-from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
 from fab.led_ring.silk import silk_shape
 

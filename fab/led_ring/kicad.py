@@ -19,9 +19,9 @@ from shapely import LineString, Point, Polygon, unary_union
 from shapely.geometry.base import BaseGeometry
 
 from cad.errors import FileError
-from cad.led_placement import Placement, placements
-from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
-from cad.mold_layout import rotated
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from cad.led_ring.placement import Placement, placements
+from cad.mold.layout import rotated
 from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cad.errors import ParameterError
-from cad.led_parts import LedPart
+from cad.led_ring.parts import LedPart
 
 Rectangle = tuple[float, float, float, float]  # centre x, y, width, height
 

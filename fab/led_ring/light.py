@@ -19,8 +19,8 @@ import numpy as np
 
 from cad import ring_spacer
 from cad.errors import ParameterError
-from cad.led_placement import LED_COUNT, Placement, placements
-from cad.led_ring import BOARD_THICKNESS_MM
+from cad.led_ring.board import BOARD_THICKNESS_MM
+from cad.led_ring.placement import LED_COUNT, Placement, placements
 from cad.lens import camera_module
 from cad.params import EndcapParams
 from cad.plain_numbers import plain

@@ -10,7 +10,7 @@ import numpy as np
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from cad.led_placement import Placement
+from cad.led_ring.placement import Placement
 from fab.led_ring.light import DomeLight
 from fab.led_ring.rules import Holes, Layers, envelope
 

@@ -17,8 +17,8 @@ from shapely.affinity import rotate, translate
 from shapely.geometry.base import BaseGeometry
 
 from cad import ring_spacer
-from cad.led_placement import Placement
-from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
+from cad.led_ring.placement import Placement
 from fab.checks.check import Check
 from fab.led_ring.copper import Pad
 from fab.led_ring.lands import leads_of

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from cad.led_parts import LedPart
-from cad.led_placement import Placement, placements
+from cad.led_ring.parts import LedPart
+from cad.led_ring.placement import Placement, placements
 
 VERSION = 20230121  # of the format: KiCad 7
 SHEET = uuid.uuid5(uuid.NAMESPACE_URL, "endcap-toolkit/led_ring")

@@ -9,7 +9,7 @@ from shapely import LineString, Polygon, unary_union
 from shapely.affinity import rotate, scale, translate
 from shapely.geometry.base import BaseGeometry
 
-from cad.led_placement import along_mm, azimuth_deg, unrolled
+from cad.led_ring.placement import along_mm, azimuth_deg, unrolled
 from fab.led_ring.copper import Copper
 
 TEXT_MM = 0.9  # height of a capital

@@ -18,7 +18,7 @@ from cad import feasible, pattern
 from cad.arm_adapter import THICKNESS_MM, arm_places_mm
 from cad.base import LUG_RADIUS_MM
 from cad.errors import ParameterError
-from cad.mold_layout import (
+from cad.mold.layout import (
     FLANGE_TAB_BEYOND_MM,
     FLANGE_TAB_OFFSET_MM,
     FLANGE_TAB_RADIUS_MM,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import BOWL, COLLAR
+from cad.mold.layout import MoldLayout
 from fab.checks.extraction import Leg
 from fab.steps.mold import CENTRE, CORE, KEYS, TO_DOME, TO_RIM, UPPER, WEDGES, Ways, core_passes_gyroid
 from fab.steps.record import Move, Step, one_by_one

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cad.base import SLOT_RADIUS_MM
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.steps.cast import cast_steps
 from fab.steps.mold import TO_DOME, TO_RIM, Ways, mold_steps
 from fab.steps.record import Leg, Move, Step

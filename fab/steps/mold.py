@@ -12,9 +12,9 @@ import math
 from collections.abc import Mapping
 
 from cad.interface import POCKET_FLOOR_MM, zone_radii_mm
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.cup import BOWL, COLLAR
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.extraction import Leg
 from fab.steps.record import Move, Step, one_by_one
@@ -30,7 +30,7 @@ CORE_AGENT = f"{AGENT} Do so before a piece meets the interface: none may reach 
 NUMBERS = (
     "Keys look alike, and so do wedges, but their bumps differ. Hole up and round side away from you, number 1 has its "
     "hole on the left, 2 in the middle, 3 on the right."
-)  # holes: cad.mold_layout.MoldLayout.core_screws_mm
+)  # holes: cad.mold.layout.MoldLayout.core_screws_mm
 
 
 def core_passes_gyroid(layout: MoldLayout) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 
 from cad.interface import build_zone
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from fab.checks.cavity import cavity_body
 from fab.checks.check import Check
 from fab.checks.core_filler import bump_fillers

@@ -26,7 +26,7 @@ from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
 from sensing.learning.found_camera import FRAME_PX, PAINT_PX, left_by_calibration
-from sensing.tracking.field_operator import FieldOperator, field_operator
+from sensing.tracking.field.operator import FieldOperator, field_operator
 from sensing.tracking.gelslim import CROP_PX
 from sensing.wrench.dot_noise import STILL_PX, moved_part
 

@@ -29,7 +29,7 @@ from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.samples import shown_column
 from sensing.learning.symmetry import disc_cells, symmetric_cell_moments, symmetric_gram
 from sensing.records_labelled import LabelledSet, read_shard
-from sensing.tracking.field_operator import displacement_to_cells
+from sensing.tracking.field.operator import displacement_to_cells
 
 Array = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]

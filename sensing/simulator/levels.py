@@ -44,8 +44,8 @@ from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.ramp import by_force, ramp
 from sensing.simulator.press.state import Refusal, State, contact_patch
 from sensing.simulator.reduced.basis import ReducedModel
-from sensing.simulator.reduced.library import Library
-from sensing.simulator.reduced.library_level import LibraryLevel
+from sensing.simulator.reduced.library.level import LibraryLevel
+from sensing.simulator.reduced.library.library import Library
 from sensing.simulator.reduced.press import ReducedPress, trained
 from sensing.simulator.scene import BulkStates, Scene, SceneState
 from sensing.simulator.shown import shown_mm
@@ -71,7 +71,7 @@ class Simulator:
         geometry, law, density: the shell, its silicone, and the density of its mesh.
         level: 1 to 4 (see the module's text).
         tolerance: relative residual of level 2.
-        library: fitted library of level 4 (:mod:`sensing.simulator.reduced.library_fit`).
+        library: fitted library of level 4 (:mod:`sensing.simulator.reduced.library.fit`).
         prony: rate effects of the silicone, pairs (g, tau_s); none by default.
         interlock: stiffness of the zone with the TPU gyroid over that of silicone.
 

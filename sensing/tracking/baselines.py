@@ -13,7 +13,7 @@ import numpy as np
 from sensing.decode import SHORT_SIDE_PX, decode_bgr, decode_gray, to_full_px, working_reduction
 from sensing.records import Frame, Image, ShearField
 from sensing.tracking.dots import find_dots
-from sensing.tracking.field_operator import field_operator
+from sensing.tracking.field.operator import field_operator
 from sensing.tracking.gelslim import CROP_PX, FARNEBACK, released_gray
 from sensing.tracking.tracker import frame_size
 

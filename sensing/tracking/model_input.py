@@ -24,7 +24,7 @@ from cad.params import EndcapParams
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks, Frame, Image, ShearField
-from sensing.tracking.field_operator import displacement_to_cells, field_operator
+from sensing.tracking.field.operator import displacement_to_cells, field_operator
 from sensing.tracking.gelslim import CROP_PX
 from sensing.tracking.parallax import radial_at_dots
 from sensing.tracking.tracker import DotTracker, TrackerConfig

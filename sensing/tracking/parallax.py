@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sensing.tracking.field_operator import FieldOperator
+from sensing.tracking.field.operator import FieldOperator
 from sensing.tracking.gelslim import CROP_PX
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.decode import working_reduction
-from sensing.tracking.field_operator import FieldOperator
+from sensing.tracking.field.operator import FieldOperator
 from sensing.tracking.patch_kernels import MARGIN, framed
 from sensing.tracking.patches import cut_patches
 from sensing.tracking.search_kernels import best_rigid_motion, correlation_map

@@ -23,8 +23,8 @@ from cad.params import EndcapParams
 from sensing.decode import FrameError, decode_gray, to_full_px, working_reduction
 from sensing.records import DotTracks, Frame, Image
 from sensing.tracking.dots import Dots, find_dots
-from sensing.tracking.field_kernels import find_inliers, stretch_at_dots
-from sensing.tracking.field_operator import LENGTH_PX, NOISE, FieldOperator, field_operator
+from sensing.tracking.field.kernels import find_inliers, stretch_at_dots
+from sensing.tracking.field.operator import LENGTH_PX, NOISE, FieldOperator, field_operator
 from sensing.tracking.patch_kernels import smooth_into, smoothed
 from sensing.tracking.patches import ITERATIONS, STOP_PX, Patches, align, cut_patches
 from sensing.tracking.recovery import WideSearch

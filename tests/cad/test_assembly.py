@@ -12,7 +12,7 @@ import pytest
 from cad.assembly import build_assembly, exploded_offsets, write_step
 from cad.camera import camera_part
 from cad.errors import FileError, GeometryError
-from cad.led_ring import led_ring_part
+from cad.led_ring.board import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 from cad.solids import copied

@@ -16,7 +16,7 @@ from OCP.TopoDS import TopoDS_Compound
 
 from cad.base import base_part, flank_profile, lug_fillet_mm
 from cad.camera import camera_part
-from cad.led_ring import led_ring_part
+from cad.led_ring.board import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 

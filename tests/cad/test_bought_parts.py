@@ -8,7 +8,7 @@ import pytest
 from build123d import Pos, Solid
 
 from cad.camera import camera_part
-from cad.led_ring import led_ring_part
+from cad.led_ring.board import led_ring_part
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 

@@ -6,9 +6,10 @@ import re
 
 import pytest
 
-from cad import bought, led_parts, lens, materials, robot_sides
+from cad import bought, lens, materials, robot_sides
 from cad.data_table import file_name, read_table
 from cad.errors import FileError
+from cad.led_ring import parts as led_parts
 
 BOUGHT = (bought.TABLE, bought._dimension, ("part", "dimension"))
 LED = (led_parts.TABLE, led_parts._part, ("part",))

@@ -10,11 +10,11 @@ import pytest
 from build123d import Plane, Pos, Rot, Solid
 from long_cases import others_long
 
-from cad import mold_core
 from cad.dots import dot_pattern
 from cad.errors import GeometryError
 from cad.hanger import hanger_part
-from cad.mold_core import (
+from cad.mold import core as mold_core
+from cad.mold.core import (
     REMOVAL_ORDER,
     bump,
     bump_base_deg,
@@ -25,8 +25,8 @@ from cad.mold_core import (
     core_profile,
     ramp_end,
 )
-from cad.mold_cup import bowl_body, collar_body, cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import bowl_body, collar_body, cup_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.pattern import LEAST_BRIDGE_MM, most_dots, pitch_mm
 from cad.shell import shell_part

@@ -14,7 +14,7 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.interface import vent_reach_mm, zone_radii_mm
 from cad.materials import silicone, silicones
-from cad.mold_layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm, rotated
+from cad.mold.layout import CORE_NECK_HALF_MM, NECK_FILLET_MM, MoldLayout, joint_clearance_range_mm, rotated
 from cad.params import EndcapParams
 
 DIAMETERS = np.linspace(diameter_range_mm()[0] + 1e-6, 250.0, 40)

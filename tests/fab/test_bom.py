@@ -10,7 +10,7 @@ import re
 import pytest
 
 from cad.materials import silicones
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints, bom_checks, bom_csv, bom_lines
 from fab.checks.screw_fit import ScrewFit

@@ -13,8 +13,8 @@ from PIL import Image
 
 from cad.dots import dot_pattern
 from cad.lens import camera_module
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_words
 from fab import camera_view

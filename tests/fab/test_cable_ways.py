@@ -9,8 +9,8 @@ import pytest
 from cad.arm_adapter import GROOVE_DEPTH_MM, adapter_part
 from cad.base import CABLE_HOLE_RADIUS_MM, SLOT_OFFSET_MM, SLOT_RADIUS_MM, base_part
 from cad.camera import PLUG_MM
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.ring_spacer import NOTCH_AZIMUTH_DEG
 from cad.robot_sides import GROOVE_AZIMUTH_DEG, robot_sides

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab import cache as module
 from fab.cache import ROOT, SOURCES, SUFFIXES, Cache, code_digest

@@ -19,7 +19,7 @@ from cad.bought import bought_mm
 from cad.errors import ParameterError
 from cad.interface import POCKET_WIDTH_MM
 from cad.materials import DEFAULT_SILICONE, silicone
-from cad.mold_layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
+from cad.mold.layout import JOINT_CLEARANCE_MM, JOINT_CLEARANCE_RANGE_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_GYROID
 from fab.checks.cavity import LEAK_RATIO, leak_check

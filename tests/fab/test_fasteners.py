@@ -14,9 +14,9 @@ from cad.base import base_part
 from cad.fasteners import ScrewJoint
 from cad.hanger import hanger_part, screw_joints
 from cad.interface import build_flange
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_cup import cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.cup import cup_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_sides
 from fab.bom import all_joints

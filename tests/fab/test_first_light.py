@@ -10,8 +10,8 @@ import pytest
 
 from cad.dots import dot_pattern, ring_count
 from cad.lens import VARIABLE, camera_module, camera_modules
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet import finishing
 from fab.build_sheet.blocks import Drawing, Paragraph, Step, Table

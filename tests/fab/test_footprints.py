@@ -11,7 +11,7 @@ import pytest
 
 from cad.data_table import read_table
 from cad.errors import FileError, ParameterError
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from fab.build_sheet.sliced import require_sliced_for

@@ -10,7 +10,7 @@ import pytest
 from build123d import Solid
 
 from bench.sizes import Inline
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
 from cad.ring_spacer import ring_spacer_part

@@ -9,7 +9,7 @@ import pytest
 from build123d import Solid
 
 from cad.materials import DEFAULT_SILICONE
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.shell import shell_part
 from fab.build_sheet import casting, dots, finishing

@@ -16,8 +16,8 @@ from cad.data_table import read_table
 from cad.errors import FileError, ParameterError
 from cad.feasible import nearest_wall_mm
 from cad.hanger import hanger_part
-from cad.mold_cup import cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import cup_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab import molds
 from fab.meshing.mesh import tessellate

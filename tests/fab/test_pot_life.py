@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from cad.errors import ParameterError
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab import molds
 from fab.design_page.answer import answer

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.check import Check
 from fab.exports.index_page import PAGE, PREVIEW, SHARED, _next_steps, write_index

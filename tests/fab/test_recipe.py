@@ -12,7 +12,7 @@ from cad.errors import FileError, ParameterError
 from cad.interface import edge_room_mm3, zone_clip_radius_mm
 from cad.leak import sizing_volume_mm3
 from cad.materials import mix_parts, silicone, silicones
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.cavity import leak_check
 from fab.recipe import SHOWN_RATIO, closed_cast_mm3, overflow_checks, overflow_of, recipe, shell_volume_mm3

@@ -7,7 +7,7 @@ import pytest
 
 from cad.arm_adapter import adapter_part
 from cad.errors import FileError
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_side
 from fab.build_sheet import robot_holes

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from cad.dots import dot_pattern
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab import supplies as bought
 from fab.bom import all_joints, bom_lines

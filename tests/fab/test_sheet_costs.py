@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cad.fasteners import BomLine
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.robot_sides import robot_sides
 from fab.bom import all_joints, bom_csv, bom_lines

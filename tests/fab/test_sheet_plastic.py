@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 import trimesh
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints
 from fab.build_sheet.__main__ import _lines

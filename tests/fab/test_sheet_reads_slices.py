@@ -8,7 +8,7 @@ import json
 import pytest
 
 from cad.errors import FileError, ParameterError
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.sliced import read_slices, require_sliced_for
 from fab.slice.projects import Export

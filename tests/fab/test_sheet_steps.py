@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 import pytest
 
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.build_sheet.blocks import Paragraph, Table
 from fab.build_sheet.casting import _recipe_rows, casting

@@ -15,7 +15,7 @@ import trimesh
 from strict_3mf import read_strictly
 
 from cad.errors import FileError, ParameterError
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice.filaments import filament
 from fab.slice.gcode import read_gcode

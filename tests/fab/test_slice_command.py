@@ -11,7 +11,7 @@ import pytest
 
 from cad.errors import FileError
 from cad.identity import identity
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.slice import __main__ as command
 from fab.slice.printers import printer

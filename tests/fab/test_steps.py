@@ -13,9 +13,9 @@ import trimesh
 from cad.feasible import wall_range_mm
 from cad.hanger import hanger_part
 from cad.interface import build_flange, build_zone
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_cup import BOWL, COLLAR
-from cad.mold_layout import MoldLayout, rotated
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.cup import BOWL, COLLAR
+from cad.mold.layout import MoldLayout, rotated
 from cad.params import EndcapParams
 from fab.build_sheet.steps import BLANK
 from fab.checks.extraction import Leg, core_path

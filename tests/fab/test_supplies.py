@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cad.bought import bought_mm
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_cup import SPOT_RADIUS_MM
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.cup import SPOT_RADIUS_MM
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab import supplies
 from fab.bom import all_joints

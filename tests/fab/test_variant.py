@@ -9,7 +9,7 @@ import pytest
 from cad import materials
 from cad.errors import FileError
 from cad.lens import VARIABLE
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.options import chosen
 from cad.params import EndcapParams
 from fab import packed

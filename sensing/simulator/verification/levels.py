@@ -15,8 +15,8 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press.frozen import FrozenPress
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import State
-from sensing.simulator.reduced import library_fit
-from sensing.simulator.reduced.library import Library
+from sensing.simulator.reduced.library import fit as library_fit
+from sensing.simulator.reduced.library.library import Library
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.mesh import MeshDensity

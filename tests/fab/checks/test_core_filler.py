@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cad.dots import dot_pattern
-from cad.mold_core import REMOVAL_ORDER
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.cavity import cavity_body
 from fab.checks.core_filler import bump_fillers, core_filler

@@ -10,8 +10,8 @@ import trimesh
 from build123d import Plane, Solid
 
 from cad.dots import dot_pattern
-from cad.mold_core import REMOVAL_ORDER, bump, core_body, core_parts, core_profile
-from cad.mold_layout import MoldLayout
+from cad.mold.core import REMOVAL_ORDER, bump, core_body, core_parts, core_profile
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.pattern import DENT_DEPTH_MM, LEAST_BRIDGE_MM, pitch_mm
 from cad.solids import one_solid, revolved

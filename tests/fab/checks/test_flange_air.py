@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.cavity import FLANGE_AIR_MM3, flange_air_check, flange_air_mm3
 

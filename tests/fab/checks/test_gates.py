@@ -12,8 +12,8 @@ from build123d import Solid
 
 from cad.hanger import SCREW_HOLE_RADIUS_MM, hanger_part
 from cad.jigsaw import sector_prisms
-from cad.mold_cup import bowl_body, flange_tab
-from cad.mold_layout import MoldLayout
+from cad.mold.cup import bowl_body, flange_tab
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part
 from cad.solids import cut_holes, drill, one_solid
@@ -182,7 +182,7 @@ def test_no_sliver_stands_where_a_jigsaw_tab_meets_the_highest_dam(monkeypatch):
         return min_wall_check("bowl", tessellate(one_solid(bowl.intersect(prism), "bowl"), 0.03)).value
 
     assert wall_mm() > 2
-    monkeypatch.setattr("cad.mold_cup.FLANGE_TAB_OFFSET_MM", 13.0)
+    monkeypatch.setattr("cad.mold.cup.FLANGE_TAB_OFFSET_MM", 13.0)
     assert wall_mm() < 0.6
 
 

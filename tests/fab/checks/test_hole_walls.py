@@ -10,9 +10,9 @@ import trimesh
 from long_cases import others_long
 
 from cad.fasteners import ScrewJoint
-from cad.mold_core import core_body, core_parts
-from cad.mold_cup import cup_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.core import core_body, core_parts
+from cad.mold.cup import cup_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.bom import all_joints
 from fab.checks.hole_walls import ANGLES, hole_wall_checks, hole_wall_mm
@@ -105,7 +105,7 @@ def test_screws_of_the_core_keep_off_the_cavity_under_a_thick_wall(diameter, wal
     sound = pieces()
     assert thinnest_mm(sound) > 1.99
     assert all(check.ok for check in through_hole_checks(layout, sound))
-    monkeypatch.setattr("cad.mold_layout.CORE_SCREW_INSIDE_MM", -math.inf)
+    monkeypatch.setattr("cad.mold.layout.CORE_SCREW_INSIDE_MM", -math.inf)
     broken = pieces()
     assert thinnest_mm(broken) < 0.8
     assert all(check.ok for check in through_hole_checks(layout, broken)) == (diameter < 200)

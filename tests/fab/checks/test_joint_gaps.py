@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from build123d import Box, Pos, Solid
 
-from cad.mold_core import core_body, core_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.core import core_body, core_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.fit import CLEARANCE_MM, MOST_EDGE_MM, _gap_mm, clearance_checks
 

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from long_cases import others_long
 
-from cad.mold_core import core_profile, ramp_end
-from cad.mold_layout import MoldLayout
+from cad.mold.core import core_profile, ramp_end
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.solids import revolved
 from fab.checks.molding_faces import molding_faces

@@ -8,7 +8,7 @@ from long_cases import others_long
 
 from cad.errors import GeometryError
 from cad.fasteners import ScrewJoint
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.screw_fit import LENGTHS_MM, fitted, length_tolerance_mm, screw_fit
 

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from build123d import Solid
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.solids import drill, one_solid
 from fab.checks.cavity import (

@@ -16,7 +16,7 @@ from cad.base import base_part
 from cad.interface import build_flange, zone_clip_radius_mm, zone_volume_mm3
 from cad.lens import camera_module
 from cad.materials import silicone
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.ring_spacer import ring_spacer_part
 from fab.build_sheet.plastic import estimated_part_g

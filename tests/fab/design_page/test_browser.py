@@ -14,7 +14,7 @@ import pytest
 import trimesh
 from page_axe import VIOLATIONS, axe
 
-from cad.mold_layout import MoldLayout
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.checks.check import Check
 from fab.design_page.jobs import Jobs

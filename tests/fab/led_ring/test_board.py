@@ -13,8 +13,8 @@ import pytest
 from shapely import LineString, Point, Polygon, unary_union
 
 from cad.errors import FileError, ParameterError
-from cad.led_placement import placements
-from cad.led_ring import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM, led_ring_part
+from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM, led_ring_part
+from cad.led_ring.placement import placements
 from cad.lens import camera_module
 from cad.params import EndcapParams
 from fab.build_sheet.lighting import ring_checks

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from cad.errors import ParameterError
-from cad.led_parts import led_part
-from cad.led_placement import led_azimuths_deg, placements
+from cad.led_ring.parts import led_part
+from cad.led_ring.placement import led_azimuths_deg, placements
 from fab.led_ring.bom import bom_csv, ring_bom
 from fab.led_ring.budget import (
     CAMERA_A,
@@ -180,7 +180,7 @@ def test_where_the_current_stops_is_said():
 def test_a_string_whose_inductor_current_stops_at_nominal_values_is_refused(monkeypatch):
     with pytest.raises(ParameterError, match=r"with 6 LEDs: the current in the largest inductor .* 22 uH, stops"):
         choose_driver(6, 0.015)
-    monkeypatch.setattr("cad.led_placement.LED_RANGE", (3, 9))
+    monkeypatch.setattr("cad.led_ring.placement.LED_RANGE", (3, 9))
     with pytest.raises(ParameterError, match=r"led_a=0\.02 with 4 LEDs"):
         choose_driver(4)
     edge = choose_driver(5)

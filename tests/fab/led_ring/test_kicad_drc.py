@@ -18,7 +18,7 @@ from shapely import Polygon, box
 from shapely.affinity import translate
 from shapely.geometry import Point
 
-from cad import led_parts
+from cad.led_ring import parts as led_parts
 from fab.led_ring.bom import placement_csv
 from fab.led_ring.copper import build_copper
 from fab.led_ring.gerber import board_files, covered_area, read_archive, write_archive

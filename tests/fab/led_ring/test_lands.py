@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from cad import led_parts
 from cad.errors import ParameterError
-from cad.led_placement import placements
+from cad.led_ring import parts as led_parts
+from cad.led_ring.placement import placements
 from fab.led_ring.__main__ import main
 from fab.led_ring.circuit import PINS
 from fab.led_ring.copper import build_copper

@@ -6,7 +6,7 @@ import pytest
 from gerbonara.cad.kicad.pcb import Board
 from shapely import Polygon, box
 
-from cad.led_parts import led_part
+from cad.led_ring.parts import led_part
 from fab.build_sheet.lighting import steps_of_wiring
 from fab.led_ring.copper import build_copper
 from fab.led_ring.kicad import ORIGIN_MM, write_project

@@ -9,8 +9,8 @@ from collections import Counter
 import pytest
 
 from cad.errors import FileError
-from cad.led_parts import led_part
-from cad.led_placement import placements
+from cad.led_ring.parts import led_part
+from cad.led_ring.placement import placements
 from fab.led_ring.circuit import netlist
 from fab.led_ring.copper import build_copper
 from fab.led_ring.kicad import write_project

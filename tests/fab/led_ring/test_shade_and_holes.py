@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shapely import Point
 
-from cad.led_placement import placements
-from cad.led_ring import BOARD_THICKNESS_MM
+from cad.led_ring.board import BOARD_THICKNESS_MM
+from cad.led_ring.placement import placements
 from cad.ring_spacer import SEAT_Z_MM
 from fab.led_ring.light import blocked
 from fab.led_ring.rules import hole_checks

@@ -6,8 +6,8 @@ import pytest
 import trimesh
 from build123d import Solid
 
-from cad.mold_core import core_body, core_parts
-from cad.mold_layout import MoldLayout
+from cad.mold.core import core_body, core_parts
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
 from cad.shell import shell_part

@@ -23,7 +23,7 @@ for name, module in list(sys.modules.items()):
             print(kernel.py_func.__module__, kernel.py_func.__name__, len(kernel.signatures))
 """
 OTHERS = {  # no part of a run of the default model
-    "sensing.tracking.field_kernels add_stretch_residual",  # of the field of the picture plane
+    "sensing.tracking.field.kernels add_stretch_residual",  # of the field of the picture plane
     "sensing.wrench.kernels estimate_many",  # of many fields at once, as evaluations have them
     "sensing.wrench.kernels contact_angles",
 }

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from cad.errors import ParameterError
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Bump, Displacement, cell_truth
-from sensing.tracking.field_operator import AFFINE_VARIANCE, displacement_to_cells, field_operator
+from sensing.tracking.field.operator import AFFINE_VARIANCE, displacement_to_cells, field_operator
 from sensing.tracking.parallax import _bilinear
 
 SIZE = (640, 480)

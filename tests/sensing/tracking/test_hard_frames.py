@@ -14,9 +14,9 @@ from sensing.sources.degrade import Degradation, degrade
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
 from sensing.tracking.dots import Dots, NoDotsError, find_dots
-from sensing.tracking.field_kernels import find_inliers
-from sensing.tracking.field_operator import field_operator
-from sensing.tracking.field_picture import draw_field
+from sensing.tracking.field.kernels import find_inliers
+from sensing.tracking.field.operator import field_operator
+from sensing.tracking.field.picture import draw_field
 from sensing.tracking.gelslim import derived_channels
 from sensing.tracking.methods import DotField
 from sensing.tracking.model_input import ModelInput

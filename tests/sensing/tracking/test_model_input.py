@@ -13,7 +13,7 @@ from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.records import DotTracks
-from sensing.tracking.field_operator import displacement_to_cells, field_operator
+from sensing.tracking.field.operator import displacement_to_cells, field_operator
 from sensing.tracking.model_input import ModelInput
 
 PARAMS = EndcapParams(130, 8)

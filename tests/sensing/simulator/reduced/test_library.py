@@ -12,8 +12,8 @@ from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal
-from sensing.simulator.reduced import library_fit
-from sensing.simulator.reduced.library import Library, lagrange_terms, polynomial_terms
+from sensing.simulator.reduced.library import fit as library_fit
+from sensing.simulator.reduced.library.library import Library, lagrange_terms, polynomial_terms
 from sensing.simulator.scene import Scene
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import dot_directions
@@ -162,4 +162,4 @@ def test_a_place_for_the_library_is_made_or_refused_before_minutes_are_spent(
     assert library_fit.main(["--density", "draft", "--out", str(tmp_path / "build" / "library.npz")]) == 0
     monkeypatch.setattr(library_fit, "fit_library", lambda *_: pytest.fail("fitted, and nowhere to put it"))
     assert library_fit.main(["--density", "draft", "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith(f"sensing.simulator.reduced.library_fit: {tmp_path}: ")
+    assert capsys.readouterr().err.startswith(f"sensing.simulator.reduced.library.fit: {tmp_path}: ")

@@ -3,7 +3,7 @@
 Endcap frame, millimetres; its size is the same at every diameter. The paper gives the parts (boost driver, JB3030AWT
 LEDs of about 2.8 V in one string at a nominal 25 V, hence nine of them; P, LED05, LED06), but not the outline, which we
 sized to fit spacer and bore (E). The whole ring lies below the camera's 180 degree plane. Placements come from
-:mod:`cad.led_placement`, sizes from led_parts.csv; ``python -m fab.led_ring`` makes copper and drill files.
+:mod:`cad.led_ring.placement`, sizes from led_parts.csv; ``python -m fab.led_ring`` makes copper and drill files.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cad import ring_spacer
-from cad.led_placement import LED_COUNT, Placement, placements
+from cad.led_ring.placement import LED_COUNT, Placement, placements
 from cad.part import Part
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from build123d import Solid
 from cad.errors import GeometryError
 from cad.fasteners import ScrewJoint
 from cad.jigsaw import Tab, sector_prisms
-from cad.mold_layout import (
+from cad.mold.layout import (
     FLANGE_TAB_BEYOND_MM,
     FLANGE_TAB_OFFSET_MM,
     FLANGE_TAB_RADIUS_MM,

@@ -1,6 +1,6 @@
-"""Compiled inner loops of :mod:`sensing.tracking.field_operator` (numba, cached on disk): one pass per matrix, frame.
+"""Compiled inner loops of :mod:`sensing.tracking.field.operator` (numba, cached on disk): one pass per matrix, frame.
 
-Units: whatever the displacements have; matrices as in :class:`sensing.tracking.field_operator.FieldOperator`.
+Units: whatever the displacements have; matrices as in :class:`sensing.tracking.field.operator.FieldOperator`.
 """
 
 # mypy: ignore-errors
@@ -88,7 +88,7 @@ def find_inliers(precision, moved, quality, spacing, qualities, limits, fewest, 
     """(N,) bool, inliers: dots that match the reference and whose leave-one-out residual is within its limit.
 
     Args:
-        precision: (N, N) float64 Q of :class:`sensing.tracking.field_operator.FieldOperator`.
+        precision: (N, N) float64 Q of :class:`sensing.tracking.field.operator.FieldOperator`.
         moved: (N, 2) float64 displacements; the rows of outliers are overwritten by the prediction from the inliers.
         quality: (N,) float64 correlation with the reference; clipped to 1, and set to 0 for rejected dots.
         spacing: (N,) float64 distance to the nearest other dot, in the unit of the displacements.

@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-TABLE = Path(__file__).resolve().with_name("live.csv")
+TABLE = Path(__file__).resolve().parents[1] / "live.csv"
 COLUMNS = (
     "model", "method", "endcaps", "workers", "outputs", "rate_hz", "in_step", "frames", "work_ms", "work_p99_ms",
     "frames_s_core", "core_share", "loop_share", "page_share", "p50_ms", "p99_ms", "idle_share", "dropped",

@@ -13,7 +13,7 @@ from build123d import Edge, Face, Plane, Solid, Vector, Wire
 
 from cad.dots import Dot, dot_pattern
 from cad.jigsaw import core_prisms
-from cad.mold_layout import PILOT_RADIUS_MM, MoldLayout
+from cad.mold.layout import PILOT_RADIUS_MM, MoldLayout
 from cad.params import EndcapParams
 from cad.part import Part, Recipe
 from cad.pattern import LEAST_BRIDGE_MM, pitch_mm

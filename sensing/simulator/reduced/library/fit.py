@@ -1,6 +1,6 @@
 """Fitting a library (level 4) to level 2 (mm, N, degrees).
 
-    python -m sensing.simulator.reduced.library_fit --out lib.npz
+    python -m sensing.simulator.reduced.library.fit --out lib.npz
 
 At every tilt a few winding paths cross the range of normal and tangential force; each tilt's states determine their
 own polynomials, and Lagrange interpolation joins the tilts. Paths wind, so that the fit averages over histories.
@@ -31,7 +31,13 @@ from sensing.simulator.levels import Simulator
 from sensing.simulator.press.press import Target
 from sensing.simulator.press.state import Refusal
 from sensing.simulator.reduced.basis import mirrored
-from sensing.simulator.reduced.library import SCALARS_EVEN, Library, local_variables, polynomial_terms, shell_key
+from sensing.simulator.reduced.library.library import (
+    SCALARS_EVEN,
+    Library,
+    local_variables,
+    polynomial_terms,
+    shell_key,
+)
 from sensing.simulator.scene import Scene, SceneState
 from sensing.simulator.similarity.ratios import LoadScale
 from sensing.simulator.solid.element import Array
@@ -235,7 +241,7 @@ def _forces(samples: list[Sample]) -> tuple[Array, Array]:
 def main(arguments: list[str] | None = None) -> int:
     """Fit and write a library; returns the exit status."""
     parser = argparse.ArgumentParser(
-        prog=program("python -m sensing.simulator.reduced.library_fit"),
+        prog=program("python -m sensing.simulator.reduced.library.fit"),
         description="Fit the level 4 library of one shell (some minutes on one core).",
     )
     parser.add_argument("--out", type=Path, required=True, help="file to write, .npz")
@@ -259,7 +265,7 @@ def main(arguments: list[str] | None = None) -> int:
         library = fit_library(simulator, options.states, options.seed)
         library.save(options.out)
     except EndcapError as error:
-        LOG.error(f"sensing.simulator.reduced.library_fit: {error}")
+        LOG.error(f"sensing.simulator.reduced.library.fit: {error}")
         return 2
     show(f"{options.out}: {len(library.modes)} modes, residual {100 * float(library.residual[0]):.2f} %")
     return 0

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from cad.errors import ParameterError
-from cad.led_parts import LedPart, led_part
+from cad.led_ring.parts import LedPart, led_part
 
 MIDDLE_RADIUS_MM = 35.0  # E: middle of the board
 DRIVER_AZIMUTH_DEG = 100.0  # next to the plug; between the LEDs at 80 and 120 degrees

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from sensing.simulator.press import tangential
 from sensing.simulator.press.press import Target
-from sensing.simulator.reduced.library import Library, LibraryStates, shell_key
+from sensing.simulator.reduced.library.library import Library, LibraryStates, shell_key
 from sensing.simulator.scene import BulkStates, Scene, SceneState
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.shell_halves import ShellHalves
@@ -30,7 +30,7 @@ class LibraryLevel:
         if library is None:
             raise ParameterError(
                 "library=None: level 4 answers from a library; fit one with "
-                "python -m sensing.simulator.reduced.library_fit",
+                "python -m sensing.simulator.reduced.library.fit",
                 name="library",
                 value=None,
             )

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import ParameterError
-from sensing.tracking.field_kernels import add_stretch_residual, cells_of_dots, stretch_at_dots
+from sensing.tracking.field.kernels import add_stretch_residual, cells_of_dots, stretch_at_dots
 
 LENGTH_PX = 80.0  # at 480 px short side; measured in bench/bench_fields.py
 NOISE = 0.005  # lambda, relative to the Matern part's variance

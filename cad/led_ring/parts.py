@@ -13,7 +13,7 @@ from pathlib import Path
 from cad.data_table import positive, read_table
 from cad.errors import ParameterError
 
-TABLE = Path(__file__).with_name("led_parts.csv")
+TABLE = Path(__file__).parents[1] / "led_parts.csv"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Library of solved presses (level 4): fit, evaluation, and the level that the simulator offers."""

@@ -1,0 +1,1 @@
+"""Shear field: its operator from dots to a grid, the compiled kernels, and its picture."""

@@ -2,12 +2,16 @@
 
 OCCT's text changes from run to run in four places, none of them geometry: the header's path and time stamp, the
 translator's running count, the running count of assembly uses, and the order of the colours (a hash of addresses).
+The header names this toolkit as the system of origin, and leaves author and organization empty: OCCT writes "Author"
+and its own name there.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
+
+from cad.extras import DISTRIBUTION
 
 STEP_TIME = "2000-01-01T00:00:00"  # time stamp in the header instead of the current time
 _STYLE_ROOT = "MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION("
@@ -26,7 +30,9 @@ def canonical_step(text: str) -> str:
     count = itertools.count(1)
 
     def header(match: re.Match[str]) -> str:
-        return re.sub(r"FILE_NAME\('[^']*','[^']*'", f"FILE_NAME('endcap','{STEP_TIME}'", _one_line(match[0]))
+        strings = re.findall(r"'([^']*)'", _one_line(match[0]))
+        made_with = strings[-3]  # version of OCCT's processor, before originating system and authorisation
+        return f"FILE_NAME('endcap','{STEP_TIME}',(''),(''),'{made_with}','{DISTRIBUTION}','');"
 
     def use(match: re.Match[str]) -> str:
         return re.sub(r"\('[0-9]+'", f"('{next(count)}'", _one_line(match[0]), count=1)

@@ -60,12 +60,12 @@ def code_digest(root: Path = ROOT) -> str:
 
 
 def library_versions(root: Path = ROOT) -> dict[str, str]:
-    """Installed versions of the libraries required by the CAD side, and of Python.
+    """Installed versions of this toolkit, of the libraries required by the CAD side, and of Python.
 
     Args:
         root: folder of the packages.
     """
-    names = sorted({re.split(r"[^A-Za-z0-9._-]", line)[0] for line in _required(root)})
+    names = sorted({DISTRIBUTION, *(re.split(r"[^A-Za-z0-9._-]", line)[0] for line in _required(root))})
     versions = {"python": f"{platform.python_version()} {platform.system()} {platform.machine()}"}
     for name in names:
         try:

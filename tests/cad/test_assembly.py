@@ -80,7 +80,7 @@ def test_exporting_leaves_no_triangles_in_the_parts(parts, tmp_path):
 
 
 STEP = """FILE_NAME('{path}','{time}',('Author'),(
-    'Open CASCADE'),'x');
+    'Open CASCADE'),'OCCT x','build123d','Unknown');
 DATA;
 #4 = MANIFOLD_SOLID_BREP('a',#1);
 #5 = MANIFOLD_SOLID_BREP('b',#1);
@@ -103,6 +103,7 @@ def test_canonical_step_removes_what_changes_and_nothing_else():
     one = canonical_step(STEP.format(path="/tmp/a", time="2024-01-01T10:00:00", count=9, styles=first))
     two = canonical_step(STEP.format(path="/x", time="2025-01-01T10:00:00", count=10, styles=second))
     assert one == two
+    assert one.startswith("FILE_NAME('endcap','2000-01-01T00:00:00',(''),(''),'OCCT x','endcap-toolkit','');")
     assert "#11 = STYLED_ITEM('color',(#12),#4);\n#12 = COLOUR_RGB('',0.1,0.,0.);" in one
     swapped = second.replace("0.2", "0.3")
     assert canonical_step(STEP.format(path="/x", time="t", count=10, styles=swapped)) != one

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,7 @@ def test_manifest_has_parameters_and_digest(written):
     params = EndcapParams(100.0, 8.0)
     assert written[1]["parameters"] == {"diameter_mm": 100.0, "wall_mm": 8.0}
     assert written[1]["digest"] == params.digest
+    assert written[1]["toolkit"] == f"endcap-toolkit {metadata.version('endcap-toolkit')}"
 
 
 def test_manifest_names_every_part_with_its_figures(written):

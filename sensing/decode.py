@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, FileError
 from sensing.records import Frame, Image
 
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # an error of ours is one line, without its warnings
-
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
 STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # pixels as they lie in a file, never turned by its EXIF
 TIFF: dict[bytes, Literal["little", "big"]] = {b"II*\0": "little", b"MM\0*": "big"}

@@ -2,6 +2,8 @@
 
 import os
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -19,6 +21,8 @@ from sensing.simulator.render.cli import _read as render_read
 from sensing.sources.__main__ import main as sources
 from sensing.sources.choose import open_frames
 from sensing.sources.files import FolderSource, VideoSource, read_picture
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def png_head(width: int, height: int) -> bytes:
@@ -240,12 +244,22 @@ def test_a_file_of_several_pictures_is_refused_instead_of_losing_all_but_the_fir
                 read(several)
 
 
-def test_a_tiff_of_floats_is_refused_in_one_line(tmp_path, capfd):
-    path = tmp_path / "a.tif"
-    cv2.imwrite(str(path), np.zeros((48, 64, 3), np.float32))
-    with pytest.raises(FileError, match="none of 8 or 16 bits"):
-        read_picture(path)
-    assert capfd.readouterr().err == ""
+@pytest.mark.parametrize("command", [["sensing.sources", "check"], ["endcap", "doctor"]])
+def test_a_command_shows_none_of_the_lines_of_opencv_and_ffmpeg(tmp_path, command):
+    cv2.imwrite(str(tmp_path / "a.tif"), np.zeros((48, 64, 3), np.float32))
+    (tmp_path / "a.mp4").write_bytes(b"\0\0\0\x14ftypisom\0\0\0\0isom" + bytes(400))
+    for name, words in (("a.tif", "none of 8 or 16 bits"), ("a.mp4", "no video")):
+        run = [sys.executable, "-m", *command, str(tmp_path / name)]
+        done = subprocess.run(run, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 2 and words in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_program_that_reads_pictures_keeps_its_logs():
+    code = (
+        "import os, cv2; before = cv2.utils.logging.getLogLevel(), dict(os.environ); import sensing.sources.choose; "
+        "assert (cv2.utils.logging.getLogLevel(), dict(os.environ)) == before"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 @pytest.mark.parametrize(

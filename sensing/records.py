@@ -20,6 +20,7 @@ from cad.errors import ParameterError
 
 Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's type hints do not express it
 PIXELS_OF_200 = "px of the 200x200 centre crop"
+TABLE_G_M_S2 = 9.81  # one g of the tables that ship: own_weight.csv, scene.npz and bench/robot_model.csv hold with it
 LEAST_SEEN = 0.5  # E: share of the dots that must be followed: the others are predicted from them
 
 

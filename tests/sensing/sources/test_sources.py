@@ -117,7 +117,7 @@ def test_a_source_that_never_gives_a_whole_picture_does_not_start_for_ever(clock
         yield frames(1)[0]
         done.wait(PATIENCE_S)
 
-    with LiveSource(dripping, start_s=4.0) as live:
+    with LiveSource(dripping) as live:
         clock.now_s += 3.9
         assert live.health.status == "starting"
         clock.now_s += 0.2
@@ -168,16 +168,6 @@ def test_six_sources_side_by_side():
     finally:
         for live in lives:
             live.close()
-
-
-def test_file_source_ends():
-    with LiveSource(lambda: frames(3), length=10, reopen=False) as live:
-        wait_for(lambda: live.health.status == "ended")
-        assert (
-            live.health.frames == 3
-            and [f.sequence for f in (live.get(0), live.get(0), live.get(0))] == [0, 1, 2]
-            and live.get(0) is None
-        )
 
 
 # --- files ---------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from made_jpeg import jpeg
 from cad.errors import FileError
 from sensing import calibrate, zero
 from sensing.calibration.picture import read_image
-from sensing.decode import MOST_PIXELS, FrameError, decode_bgr, decode_file, decode_gray, picture_size
+from sensing.decode import MOST_PIXELS, FrameError, decode_bgr, decode_file, decode_gray, jpeg_size
 from sensing.field import main as field
 from sensing.simulator.render.cli import _read as render_read
 from sensing.sources.__main__ import main as sources
@@ -62,7 +62,7 @@ def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, 
 
 
 def test_the_size_of_a_jpeg_counts_too_and_what_opencv_refuses_is_no_picture(tmp_path):
-    assert picture_size(jpeg_of(640, 480)) == (640, 480) and picture_size(b"\xff\xd8") is None
+    assert jpeg_size(jpeg_of(640, 480)) == (640, 480) and jpeg_size(b"\xff\xd8") is None
     with pytest.raises(FileError, match="65000x65000 px"):
         decode_file("a.jpg", jpeg_of(65000, 65000))
     with pytest.raises(FileError, match="no picture that can be decoded"):

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cad.errors import EndcapError, ParameterError
 from sensing.records import Frame
@@ -134,7 +134,7 @@ class FileFeed:
 
     def __init__(self, open_source: Callable[[], FrameSource], pace: Pace | None = None) -> None:
         self._open, self._pace = open_source, pace or Pace()
-        self._frames: queue.Queue[Captured] = queue.Queue(ROOM)
+        self._ready: queue.Queue[Any] = queue.Queue(ROOM)  # of what :meth:`take` gives, or makes it from
         self._stop = threading.Event()
         self._health = Health()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -148,7 +148,7 @@ class FileFeed:
     @property
     def ended(self) -> bool:
         """Whether the last frame has been taken."""
-        return self._health.status == "ended" and self._frames.empty()
+        return self._health.status == "ended" and self._ready.empty()
 
     @property
     def damage(self) -> str:
@@ -166,10 +166,7 @@ class FileFeed:
 
     def take(self) -> Captured | None:
         """The next frame that is due."""
-        try:
-            return self._frames.get_nowait()
-        except queue.Empty:
-            return None
+        return self._next()
 
     def stop(self) -> None:
         """Ask its thread to end; does not wait."""
@@ -177,7 +174,7 @@ class FileFeed:
 
     def close(self, wait_s: float = 2.0) -> None:
         """Stop reading."""
-        self._stop.set()
+        self.stop()
         if self._thread.is_alive():
             self._thread.join(wait_s)
 
@@ -207,10 +204,18 @@ class FileFeed:
         self._health = replace(self._health, status="running", frames=self._health.frames + 1)
         self._notify()
 
-    def _put(self, item: Captured) -> bool:
-        while not self._stop.is_set():
+    def _next(self) -> Any:
+        """The oldest of what lies ready; None where nothing does."""
+        try:
+            return self._ready.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _put(self, item: Any, is_wanted: Callable[[], bool] = lambda: True) -> bool:
+        """Wait for room and lay an item ready; False where it is no longer wanted."""
+        while not self._stop.is_set() and is_wanted():
             try:
-                self._frames.put(item, timeout=0.1)
+                self._ready.put(item, timeout=0.1)
                 return True
             except queue.Full:
                 self._notify()

@@ -41,7 +41,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
             another design.
         ParameterError: a camera file of another picture size.
     """
-    if is_camera_number(source) or source.startswith("http") or not os.path.exists(source) or _is_device(source):
+    if is_camera_number(source) or not os.path.exists(source) or Path(source).is_char_device():  # a camera in /dev
         raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")
     recorded = source.lower().endswith(RECORDING)
     if recorded:
@@ -105,11 +105,6 @@ def _pictures(source: str) -> Iterator[Recorded]:
     with open_frames(source, warn_of_coding=False) as frames:
         for frame in frames:
             yield Recorded(frame, None)
-
-
-def _is_device(source: str) -> bool:
-    """Whether a source is a camera in /dev, which cannot be used as a film."""
-    return Path(source).is_char_device()
 
 
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:

@@ -86,7 +86,7 @@ def _run(options: argparse.Namespace) -> int:
     if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
-        warm_up(lambda text: LOG.info(text))
+        warm_up(LOG.info)
     run = LiveRun(config, endcaps, min(options.workers, len(endcaps)), playback)
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:

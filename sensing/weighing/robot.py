@@ -26,7 +26,7 @@ from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import film_readings
 from sensing.weighing.gain import Array, WeighingError
 from sensing.weighing.postures import Posture, fit_gains
-from sensing.weighing.session import Ask
+from sensing.weighing.session import Say
 from sensing.weighing.store import gain_entries
 from sensing.wrench.stiffness import weights_digest
 
@@ -34,7 +34,7 @@ COLUMNS = ("recording", "up_x", "up_y", "up_z")  # columns of the table of postu
 MOST_ROWS = 100  # largest number of postures
 
 
-def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: Ask) -> None:
+def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: Say) -> None:
     """Read all postures, fit the gains, and store one for every endcap that carried load.
 
     Args:
@@ -77,7 +77,7 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
     say(f"{out}: stored")
 
 
-def _forces(config: LiveConfig, recording: Path, models: Models, say: Ask) -> tuple[dict[str, Array], dict[str, Array]]:
+def _forces(config: LiveConfig, recording: Path, models: Models, say: Say) -> tuple[dict[str, Array], dict[str, Array]]:
     """(force, N; covariance, N2) of every endcap that touches at the end of a recording, robot frame."""
     force: dict[str, Array] = {}
     covariance: dict[str, Array] = {}

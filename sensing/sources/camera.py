@@ -107,7 +107,7 @@ def to_frame(
 def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int, str]]:
     """(N, name) of every /dev/videoN that captures, in order; empty where there is none."""
     found = []
-    for entry in sorted(root.glob("video*"), key=lambda p: int(p.name[5:] or 0)) if root.is_dir() else []:
+    for entry in sorted(root.glob("video*"), key=lambda p: int(p.name[5:])) if root.is_dir() else []:
         index = entry / "index"
         if index.is_file() and index.read_text().strip() not in ("", "0"):
             continue  # the second node of a USB camera carries metadata only

@@ -18,6 +18,7 @@ from sensing.records import Frame
 from sensing.sources.newest import FrameSource, Health, LiveSource
 
 ROOM = 4  # frames that a file may be ahead
+SPEEDS = (0.0, 1000.0)
 
 
 class Captured(NamedTuple):
@@ -100,6 +101,16 @@ class CameraFeed:
             self._live.close(wait_s)
 
 
+def require_speed(speed: float) -> None:
+    """Refuse a speed outside :data:`SPEEDS`.
+
+    Raises:
+        ParameterError: it is.
+    """
+    if not SPEEDS[0] <= speed <= SPEEDS[1]:
+        raise ParameterError(f"speed={speed:g} outside 0..{SPEEDS[1]:g}: 1 is the file's own pace", name="speed")
+
+
 class Pace:
     """When a recorded moment is due on this run's clock.
 
@@ -108,20 +119,17 @@ class Pace:
     """
 
     def __init__(self, speed: float = 1.0) -> None:
-        if not 0 <= speed <= 1000:
-            raise ParameterError(f"speed={speed:g} outside 0..1000: 1 is the file's own pace", name="speed")
+        require_speed(speed)
         self._speed = speed
         self._begin: tuple[float, float] | None = None
-        self._lock = threading.Lock()
 
     def due_s(self, time_s: float) -> float:
         """Due time, s, on this run's clock; the first moment is due now."""
         now_s = time.monotonic()
         if self._speed == 0:
             return now_s
-        with self._lock:
-            self._begin = self._begin or (now_s, time_s)
-            return self._begin[0] + (time_s - self._begin[1]) / self._speed
+        self._begin = self._begin or (now_s, time_s)
+        return self._begin[0] + (time_s - self._begin[1]) / self._speed
 
 
 class FileFeed:
@@ -129,7 +137,7 @@ class FileFeed:
 
     Args:
         open_source: opens it.
-        pace: shared by files that keep step; None for a pace of its own.
+        pace: that it is played at; None for its own.
     """
 
     def __init__(self, open_source: Callable[[], FrameSource], pace: Pace | None = None) -> None:

@@ -45,6 +45,8 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
         if isinstance(feed, FileFeed):
             _require_first(feed, pipeline)
         endcaps.append(LiveEndcap(feed, pipeline))
+    if speed != 1.0 and not any(isinstance(endcap.feed, FileFeed) for endcap in endcaps):
+        raise ParameterError(f"--speed {speed:g} has no effect: no source is a file: leave it out", name="speed")
     return endcaps
 
 

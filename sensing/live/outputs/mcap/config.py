@@ -185,7 +185,7 @@ def _kept(path: Path, name: str, digest: str, data: bytes | None) -> Path:
     if hashlib.sha256(data).hexdigest() != digest:
         raise FileError(f"{path}: its {name} are not those that were recorded: the file is damaged")
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit" / "recorded"
-    copy = folder / hashlib.sha256(data).hexdigest()
+    copy = folder / digest
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not copy.is_file() or copy.read_bytes() != data:

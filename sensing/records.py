@@ -36,7 +36,6 @@ class Frame:
         jpeg: the compressed bytes; None when the source gives raw pictures.
         size: (width, height) in pixels of the full-size picture; None while unknown (JPEG not yet parsed).
         exposure: exposure that the driver reports, in its unit; None where it reports none.
-        gain: gain that the driver reports, in its unit; None where it reports none.
         fault: reason why there is no picture, one line, with which decoding raises; empty where there is one.
         coding: of a video that builds pictures from others and so may show dots late
             (:mod:`sensing.sources.coding`); empty of other sources.
@@ -52,7 +51,6 @@ class Frame:
     jpeg: bytes | None = None
     size: tuple[int, int] | None = None
     exposure: float | None = None
-    gain: float | None = None
     fault: str = ""
     coding: str = ""
 

@@ -235,9 +235,9 @@ def test_driver_stamp_is_used_only_when_near_the_arrival():
 
 def test_driver_data_becomes_a_frame_either_way():
     data = jpeg(3)
-    packed = to_frame(np.frombuffer(data, np.uint8)[None], 1.0, 0, "c", 50.0, 2.0)
+    packed = to_frame(np.frombuffer(data, np.uint8)[None], 1.0, 0, "c", 50.0)
     assert packed.jpeg == data and packed.size == (64, 48) and packed.exposure == 50.0
-    assert to_frame(np.zeros((48, 64, 3), np.uint8), 1.0, 0, "c", None, None).image.shape == (48, 64, 3)
+    assert to_frame(np.zeros((48, 64, 3), np.uint8), 1.0, 0, "c", 50.0).image.shape == (48, 64, 3)
 
 
 def test_devices_are_listed_without_metadata_nodes(tmp_path):

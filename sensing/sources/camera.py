@@ -64,7 +64,8 @@ class CameraSource:
 
     def __iter__(self) -> Iterator[Frame]:
         capture = _open(self.config, self.name)
-        exposure = capture.get(cv2.CAP_PROP_EXPOSURE)
+        reported = capture.get(cv2.CAP_PROP_EXPOSURE)
+        exposure = reported if reported > 0 else None  # OpenCV gives 0 or -1 of a driver that does not say it
         try:
             sequence = 0
             while True:
@@ -84,7 +85,7 @@ def capture_time_s(stamp_s: float, arrival_s: float) -> float:
     return stamp_s if 0 <= arrival_s - stamp_s < STAMP_TRUST_S else arrival_s
 
 
-def to_frame(data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float) -> Frame:
+def to_frame(data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None) -> Frame:
     """A frame from the driver's data.
 
     Args:
@@ -92,7 +93,7 @@ def to_frame(data: np.ndarray, time_s: float, sequence: int, name: str, exposure
         time_s: of capture.
         sequence: number of the frame.
         name: of the source.
-        exposure: as the driver states it.
+        exposure: as the driver states it; None where it does not.
     """
     if data.ndim == 2 and 1 in data.shape:
         jpeg = data.tobytes()

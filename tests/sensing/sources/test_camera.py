@@ -132,6 +132,14 @@ def test_frames_keep_their_bytes_the_drivers_time_and_the_fixed_exposure(plugged
     assert [age for _, age in got] == pytest.approx([0.02] * 3)  # the driver's stamp, not the arrival
 
 
+@pytest.mark.parametrize("reported", [0.0, -1.0])
+def test_an_exposure_that_the_driver_does_not_say_is_none(plugged, monkeypatch, reported):
+    """A reference of such a camera said "exposure -1"."""
+    offered = Capture.get
+    monkeypatch.setattr(Capture, "get", lambda self, key: offered(self, key) or reported)
+    assert next(iter(CameraSource(CameraConfig()))).exposure is None
+
+
 @pytest.mark.parametrize("pixels", ["YUYV", "NV12"])
 def test_a_camera_without_jpeg_gives_pictures_and_no_planes_of_yuv(plugged, monkeypatch, pixels):
     """As OpenCV's capture does: raw bytes are rows of another shape, (h, w, 2) or (1.5 h, w), unless it converts."""

@@ -120,6 +120,7 @@ class NetFt:
             self._asked_s = self._clock()
             self._socket.send(REQUEST.pack(MAGIC, STREAM, 0))
         except (OSError, UnicodeError) as error:  # UnicodeError: a name that no host can have
+            self.__exit__()
             said = error.strerror if isinstance(error, OSError) else None
             raise StreamError(f"{self.name}: {said or error}: check address and network") from None
         self._heard_s = self._good_s = self._clock()

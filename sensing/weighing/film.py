@@ -109,6 +109,7 @@ def _pictures(source: str) -> Iterator[Recorded]:
 
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:
     """The endcap with the silicone of the training data, without rate effects."""
-    on_n, off_n = endcap.contact_on_n / endcap.gain, endcap.contact_off_n / endcap.gain
-    plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=())
-    return replace(plain, contact_on_n=on_n, contact_off_n=off_n)
+    return replace(
+        endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=(),
+        contact_on_n=endcap.contact_on_n / endcap.gain, contact_off_n=endcap.contact_off_n / endcap.gain,
+    )  # fmt: skip

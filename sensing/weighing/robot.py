@@ -10,6 +10,7 @@ sensor gives it. ``weight_n`` and ``T_robot_endcap`` come from endcaps.toml.
 from __future__ import annotations
 
 import csv
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -110,8 +111,7 @@ def _at_rest(endcap: EndcapConfig, recording: Path, model: LiveModel) -> tuple[A
 def _rows(table: Path) -> list[tuple[Path, Array]]:
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows = [row for _, row in zip(range(MOST_ROWS + 1), reader, strict=False)]
+            rows = list(islice(csv.DictReader(stream), MOST_ROWS + 1))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{table}: cannot be read as CSV ({error}): give columns {', '.join(COLUMNS)}") from None
     if not rows or len(rows) > MOST_ROWS or any(name not in rows[0] for name in COLUMNS):

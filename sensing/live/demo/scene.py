@@ -7,7 +7,6 @@ are. Times in s on the monotonic clock, poses in mm.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from cad.params import EndcapParams
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.records import Frame
+from sensing.user_folders import cache_folder
 
 SIZE = (640, 480)
 ENDCAPS = 6
@@ -45,10 +45,9 @@ def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE
 
 @lru_cache(maxsize=2)
 def _film(design: EndcapParams, silicone: str) -> Any:
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
     from sensing.simulator.robot.frames import RobotDesign, load_film  # loaded only when the scene is shown
 
-    return load_film(cache, _progress, RobotDesign(design, silicone))
+    return load_film(cache_folder(), _progress, RobotDesign(design, silicone))
 
 
 @lru_cache(maxsize=1)

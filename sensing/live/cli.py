@@ -244,7 +244,7 @@ def _add_sources(parser: argparse.ArgumentParser) -> None:
     )
     play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
     play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")
-    play.add_argument("--speed", type=number, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
+    play.add_argument("--speed", type=number, metavar="X", help="also of other files; 0: as fast as possible (1)")
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:

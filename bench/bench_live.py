@@ -32,10 +32,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from live_plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
-from live_probes import IdleProbe, Viewer, clocks
-from live_table import TABLE, draw, save
-
+from bench.live.plans import COMMON, COMPUTED, ENDCAPS, MORE, RATE_HZ, RECORDED, Plan, about_run
+from bench.live.probes import IdleProbe, Viewer, clocks
+from bench.live.table import TABLE, draw, save
 from bench.one_line import in_one_line
 from bench.parts import table_of
 from cad.errors import FileError

@@ -23,9 +23,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from live_probes import Viewer, cpu_s
 from mcap.records import Channel, Message
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.live.probes import Viewer, cpu_s
 from sensing.live.core.warm_up import warm_up
 from sensing.live.demo.scene import scene_config, scene_film
 from sensing.live.ending import Stop

@@ -37,6 +37,7 @@ from sensing.live.core.reading import EndcapReading
 from sensing.live.core.warm_up import warm_up
 from sensing.live.endcap import Endcap
 from sensing.live.open_endcaps import open_endcaps
+from sensing.records import TABLE_G_M_S2 as G
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.similarity.library import ShellStates, load_library
 from sensing.simulator.similarity.paths import library_paths, touching_steps
@@ -50,7 +51,6 @@ from sensing.tracking import own_weight as estimate
 from sensing.tracking.camera_motions import CameraMotions, third_largest
 
 HERE = Path(__file__).parent
-G = 9.81
 POSES = {
     "tip up": (0.0, 0.0, -G), "sideways": (G, 0.0, 0.0), "sideways along y": (0.0, -G, 0.0), "tip down": (0.0, 0.0, G),
 }  # fmt: skip

@@ -20,9 +20,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from robust_cases import Outcome, run_case
-from robust_inputs import cameras, prepare, write_inputs
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.robust.cases import Outcome, run_case
+from bench.robust.inputs import cameras, prepare, write_inputs
 from cad.errors import EndcapError
 from sensing.live.cli import main as live
 from sensing.live.mcap_records import read_records

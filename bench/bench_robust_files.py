@@ -19,10 +19,11 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from robust_cases import Outcome, run_case
-from robust_inputs import prepare, write_inputs
-from robust_mutations import mutated_recording, mutated_text
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.robust.cases import Outcome, run_case
+from bench.robust.inputs import prepare, write_inputs
+from bench.robust.mutations import mutated_recording, mutated_text
 from sensing.live.cli import main as live
 
 HERE = Path(__file__).resolve().parent

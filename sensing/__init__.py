@@ -6,6 +6,12 @@ Data flow: frame (:mod:`sensing.sources`) -> dot tracks and shear field (:mod:`s
 imported, which needs the standard library alone.
 """
 
-from cad.extras import prepare_command
+import os
+import sys
+
+from cad.extras import extra_of_command, prepare_command, program, started_module
 
 prepare_command()
+if program("") or extra_of_command(started_module(sys.orig_argv)):  # the process is a command's, not a user's program
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")  # its errors are one line, without OpenCV's warnings
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # and without any line of FFmpeg's

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from cad.errors import EndcapError, FileError
 from sensing.records import Frame, Image
 
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # an error of ours is one line, without its warnings
-
 SHORT_SIDE_PX = 200  # a working picture keeps at least this: half size at 640 x 480, where the trials lost nothing
 STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # pixels as they lie in a file, never turned by its EXIF
 TIFF: dict[bytes, Literal["little", "big"]] = {b"II*\0": "little", b"MM\0*": "big"}
@@ -121,7 +119,7 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
             f"{path}: holds several pictures, of which only the first would be read: save each as a file of its own in "
             "a folder, or all as a video"
         )
-    size = picture_size(data)
+    size = jpeg_size(data) or png_size(data)  # of other types OpenCV itself refuses more than 2^30 pixels
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise FileError(
             f"{path}: a picture of {size[0]}x{size[1]} px: at most {MOST_PIXELS} pixels; make it smaller, or give the "
@@ -129,7 +127,7 @@ def decode_file(path: Path | str, data: bytes, types: str = "JPEG or PNG") -> Im
         )
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), STORED) if data else None
-    except cv2.error:  # of types whose head is not read above, OpenCV refuses more than 2^30 pixels
+    except cv2.error:
         image = None
     if image is None:
         known = data.startswith((b"\xff\xd8", b"\x89PNG"))
@@ -151,17 +149,6 @@ def _holds_several(data: bytes) -> bool:
     return png_size(data) is not None and b"acTL" in data[: data.find(b"IDAT")]
 
 
-def picture_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) that the head of a PNG or JPEG claims; None of other files."""
-    if data[:2] != b"\xff\xd8":
-        return png_size(data)
-    try:
-        height, width = simplejpeg.decode_jpeg_header(data)[:2]
-    except ValueError:  # damaged: the decoder raises the error
-        return None
-    return width, height
-
-
 def png_size(data: bytes) -> tuple[int, int] | None:
     """(width, height) from the head of a PNG (ISO/IEC 15948, 11.2.2); None if it is none."""
     if data[:8] != b"\x89PNG\r\n\x1a\n" or len(data) < 24:
@@ -170,21 +157,12 @@ def png_size(data: bytes) -> tuple[int, int] | None:
 
 
 def jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) from the start-of-frame marker of a JPEG (ITU T.81, B.2.2); None if it is none."""
-    if data[:2] != b"\xff\xd8":
+    """(width, height) from the head of a JPEG; None if it is none, or damaged: the decoder then raises the error."""
+    try:
+        height, width = simplejpeg.decode_jpeg_header(data)[:2]
+    except ValueError:
         return None
-    place = 2
-    while place + 9 <= len(data) and data[place] == 0xFF:
-        marker = data[place + 1]
-        if marker == 0xFF:  # fill byte
-            place += 1
-            continue
-        length = int.from_bytes(data[place + 2 : place + 4], "big")
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height = int.from_bytes(data[place + 5 : place + 7], "big")
-            return int.from_bytes(data[place + 7 : place + 9], "big"), height
-        place += 2 + length
-    return None
+    return width, height
 
 
 def sized(frame: Frame) -> Frame:

@@ -63,7 +63,7 @@ def _identify(options: argparse.Namespace) -> None:
     config = load_config(options.config)
     endcap = chosen_endcap(config, options.endcap)
     require_even(options.source)
-    warm_up(lambda text: LOG.info(text))
+    warm_up(LOG.info)
     # The gain of a weighed endcap belongs to the weights that it was weighed with, which others would not match.
     models = configured_models(config, any_silicone=not endcap.weighed)
     gain, model = Stiffness(endcap.gain, 0.0), models(endcap)

@@ -40,7 +40,7 @@ from sensing.frames import ACTION, REACTION, FtMount
 from sensing.live.core.warm_up import warm_up
 from sensing.live.ending import leave
 from sensing.recording.folder import Recording
-from sensing.recording.ft_streams import COUNTS, CsvFt, NetFt
+from sensing.recording.ft_streams import COUNTS, PORT, CsvFt, NetFt
 from sensing.recording.progress import Progress
 from sensing.recording.synchronise import SLOP_S, Synchroniser
 from sensing.records import Frame
@@ -246,7 +246,7 @@ def _parser() -> argparse.ArgumentParser:
         "--rest", type=whole, default=REST_FRAMES, metavar="N", help=f"first, untouched frames ({REST_FRAMES})"
     )
     parser.add_argument("--frames", type=whole, metavar="N", help="stop after so many frames")
-    parser.add_argument("--port", type=whole, default=49152, metavar="N", help="of the NetFT (49152)")
+    parser.add_argument("--port", type=whole, default=PORT, metavar="N", help=f"of the NetFT ({PORT})")
     parser.add_argument("--ft-rate", type=number, metavar="HZ", help="counts a second of the NetFT (found out)")
     parser.add_argument("--ft-delay", type=number, metavar="S", help="network delay of a sample (half the answer time)")
     parser.add_argument("--counts-n", type=number, default=COUNTS, metavar="N", help="NetFT counts per N (1e6)")

@@ -20,6 +20,7 @@ from cad.errors import ParameterError
 
 Image = NDArray[Any]  # uint8, (H, W) gray or (H, W, 3) BGR; OpenCV's type hints do not express it
 PIXELS_OF_200 = "px of the 200x200 centre crop"
+TABLE_G_M_S2 = 9.81  # one g of the tables that ship: own_weight.csv, scene.npz and bench/robot_model.csv hold with it
 LEAST_SEEN = 0.5  # E: share of the dots that must be followed: the others are predicted from them
 
 
@@ -35,7 +36,6 @@ class Frame:
         jpeg: the compressed bytes; None when the source gives raw pictures.
         size: (width, height) in pixels of the full-size picture; None while unknown (JPEG not yet parsed).
         exposure: exposure that the driver reports, in its unit; None where it reports none.
-        gain: gain that the driver reports, in its unit; None where it reports none.
         fault: reason why there is no picture, one line, with which decoding raises; empty where there is one.
         coding: of a video that builds pictures from others and so may show dots late
             (:mod:`sensing.sources.coding`); empty of other sources.
@@ -51,7 +51,6 @@ class Frame:
     jpeg: bytes | None = None
     size: tuple[int, int] | None = None
     exposure: float | None = None
-    gain: float | None = None
     fault: str = ""
     coding: str = ""
 

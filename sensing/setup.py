@@ -52,10 +52,15 @@ SETTLE_S, RELEASED_S = 0.5, 1.0  # after a release: silicone and filter settle; 
 LEAST_ON_N, MARGIN = 0.2, 1.5  # E: never below, at D=130 T=8; over the measured threshold, for slow drift
 
 Ask = Callable[[str], str]
+Say = Callable[[str], None]
+
+
+def _say(text: str) -> None:
+    show(printable(text))
 
 
 def set_up(
-    config: LiveConfig, out: Path, ask: Ask = input, say: Ask | None = None, models: Models | None = None
+    config: LiveConfig, out: Path, ask: Ask = input, say: Say = _say, models: Models | None = None
 ) -> LiveConfig:
     """Zero, name and measure all endcaps, write references and configuration.
 
@@ -69,7 +74,6 @@ def set_up(
     Raises:
         EndcapError: a camera that does not deliver, a touch that nobody saw, an endcap that would not rest.
     """
-    say = say or _say
     if out.exists():
         raise FileError(f"{out}: is there already: move it away, or choose another name with --out")
     for taken in (out.with_name(f"endcap_{k}.npz") for k in range(len(config.endcaps))):
@@ -95,7 +99,7 @@ def set_up(
     return result
 
 
-def _await_zeros(endcaps: Sequence[LiveEndcap], say: Ask) -> None:
+def _await_zeros(endcaps: Sequence[LiveEndcap], say: Say) -> None:
     for endcap in endcaps:
         why = without_reference(endcap)
         if why:
@@ -104,7 +108,7 @@ def _await_zeros(endcaps: Sequence[LiveEndcap], say: Ask) -> None:
             say(f"{endcap.pipeline.endcap.source}: warning: every reading will be flagged: {check.doubt}")
 
 
-def _watch_rest(endcaps: Sequence[LiveEndcap], watch: SetupWatch, say: Ask) -> dict[str, list[np.ndarray]]:
+def _watch_rest(endcaps: Sequence[LiveEndcap], watch: SetupWatch, say: Say) -> dict[str, list[np.ndarray]]:
     """Forces at rest of every endcap, as many as its threshold needs.
 
     Raises:
@@ -134,7 +138,7 @@ def _watch_rest(endcaps: Sequence[LiveEndcap], watch: SetupWatch, say: Ask) -> d
 
 
 def _name_by_touch(
-    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Ask
+    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Say
 ) -> list[LiveEndcap]:
     """Endcaps in the order in which they are touched."""
     if len(endcaps) == 1:
@@ -150,7 +154,7 @@ def _name_by_touch(
 
 
 def _require_release(
-    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Ask
+    endcaps: Sequence[LiveEndcap], watch: SetupWatch, rest: dict[str, list[np.ndarray]], ask: Ask, say: Say
 ) -> None:
     """Refuse references taken under load: they show that load when everything is let go; name flags that stay."""
     ask("leave all endcaps untouched again, then press Enter ")
@@ -199,7 +203,7 @@ def _touched(
     )
 
 
-def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, say: Ask) -> EndcapConfig:
+def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, say: Say) -> EndcapConfig:
     """The endcap's entry: reference saved, threshold measured."""
     zero = endcap.pipeline.zero
     assert zero is not None
@@ -217,7 +221,7 @@ def _measured(endcap: LiveEndcap, name: str, rest: list[np.ndarray], out: Path, 
     )  # fmt: skip
 
 
-def _camera_kept(endcap: LiveEndcap, path: Path, say: Ask) -> Path | None:
+def _camera_kept(endcap: LiveEndcap, path: Path, say: Say) -> Path | None:
     """File of the camera that the reference shows, where that is not the nominal one; one that is there stays."""
     check = endcap.pipeline.check
     rest = None if check is None else check.rest
@@ -235,13 +239,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        numbers = [str(index) for index, _ in list_devices()]
+        devices = list_devices()
+        numbers = [str(index) for index, _ in devices]
         if options.camera is not None:
             numbers = [word.strip() for word in options.camera.split(",")]
         words = options.url or [lasting_name(int(word)) if is_camera_number(word) else word for word in numbers]
         if not words:
             raise ParameterError("no camera found: plug one in, or give --url", name="camera")
-        for index, name in list_devices():
+        for index, name in devices:
             if not options.url and str(index) in numbers:
                 show(f"camera {index}: {name}, {lasting_name(index)}")
         config = LiveConfig(_endcaps(options, words), options.model, options.weights, weight_n=options.weight)
@@ -265,11 +270,6 @@ def _endcaps(options: argparse.Namespace, words: Sequence[str]) -> tuple[EndcapC
         )
         for k, word in enumerate(words)
     )  # fmt: skip
-
-
-def _say(text: str) -> str:
-    show(printable(text))
-    return ""
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -29,7 +29,7 @@ from sensing.live.open_endcaps import configured_models, open_endcaps
 from sensing.tensegrity.description import GRAVITY_M_S2
 from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import as_trained, film_readings
-from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain, require_poses
+from sensing.weighing.gain import Gain, Pose, WeighingError, fit_gain, pose_gain
 from sensing.weighing.robot import weigh_robot
 from sensing.weighing.session import Ask, Terms, made_pose, weigh_live
 from sensing.weighing.store import gain_entries
@@ -76,7 +76,7 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
     requests = [
         parse_pose(text, terms.gravity_m_s2, terms.tilt_deg, terms.azimuth_deg, terms.sd_g) for text in options.pose
     ]
-    if requests and len(requests) < 2:
+    if len(requests) == 1:
         raise WeighingError("1 pose: at least 2 needed, or a wrong weight could not be noticed; add another --pose")
     model = configured_models(config, any_silicone=True)(endcap)
     digest = weights_digest(model.estimator)
@@ -92,7 +92,6 @@ def _weigh(config: LiveConfig, options: argparse.Namespace, ask: Ask) -> None:
         poses = [_from_file(endcap, request, model, terms) for request in requests]
     else:
         poses = weigh_live(open_endcaps(LiveConfig((as_trained(endcap),)), models=lambda _: model)[0], terms, ask, _say)
-    require_poses(poses)
     found = fit_gain(poses)
     _report(poses, found)
     if not options.dry_run:
@@ -148,9 +147,8 @@ def _report(poses: Sequence[Pose], found: Gain) -> None:
         )
 
 
-def _say(text: str) -> str:
+def _say(text: str) -> None:
     show(printable(text))
-    return ""
 
 
 def _parser() -> argparse.ArgumentParser:

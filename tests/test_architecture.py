@@ -39,6 +39,7 @@ SHARED = {
         "records",
         "records_labelled",
         "set_manifest",
+        "user_folders",
     )
 }
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands

@@ -16,7 +16,7 @@ from cad.pattern import step_deg
 from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
 from sensing.design.region import SILICONE_USD_KG
-from sensing.tracking.own_weight import G_M_S2
+from sensing.records import TABLE_G_M_S2
 
 
 class Source(Enum):
@@ -96,7 +96,7 @@ def _loads(study: Study) -> list[Figure]:
         ),
         Figure(
             "sag_mm", "sag when turned onto its side", study.sag_mm, "mm", Source.COMPUTED,
-            f"by its own weight of {G_M_S2 * study.mass_g / 1000:.3g} N, untouched: largest motion of a dot",
+            f"by its own weight of {TABLE_G_M_S2 * study.mass_g / 1000:.3g} N, untouched: largest motion of a dot",
         ),
         Figure(
             "patch_mm2", "contact patch at half the range, 25 degrees", study.curves[1].patch_at(half), "mm2",

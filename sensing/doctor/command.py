@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from cad.extras import program
 from cad.messages import LOG, show
 from cad.params import EndcapParams
 from sensing.arguments import number, whole
-from sensing.doctor.examine import Report, examine, take_file, take_live
+from sensing.doctor.examine import Report, examine, take_live
 from sensing.doctor.finding import Finding, Verdict, finding
 from sensing.records import Frame
 from sensing.sources.camera import CameraConfig, list_devices
@@ -72,14 +73,14 @@ def _reports(word: str, options: argparse.Namespace, params: EndcapParams, recor
     if word.lower().endswith(".mcap"):
         for endcap, held, pictures in recorded(Path(word)):
             design = agreed_design(options, held, word)
-            yield examine(f"{word}: {endcap}", take_file(pictures, options.frames), design, timed=True)
+            yield examine(f"{word}: {endcap}", list(islice(pictures, options.frames)), design, timed=True)
         return
     camera = CameraConfig(rate_hz=options.rate, exposure=options.exposure)
     opener, live = source_opener(word, camera)
     name = f"/dev/video{word}" if is_camera_number(word) else word
     if not live:
         source = opener()
-        report = examine(name, take_file(source, options.frames), params, timed=False)
+        report = examine(name, list(islice(source, options.frames)), params, timed=False)
         if note := getattr(source, "note", ""):  # of a video that ended too early
             cut = finding("file", Verdict.BAD, note, "copy or record it again")
             report = dataclasses.replace(report, findings=(cut, *report.findings))

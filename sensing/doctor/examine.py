@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -77,35 +76,24 @@ def examine(
     return Report(source, len(frames), (picture.shape[1], picture.shape[0]), tuple(found))
 
 
-def take_live(open_source: Callable[[], FrameSource], count: int, wait_s: float = WAIT_S) -> tuple[list[Frame], str]:
+def take_live(open_source: Callable[[], FrameSource], count: int) -> tuple[list[Frame], str]:
     """Frames of a camera, and why there are no more; none is left out because this program is slow.
 
     Args:
         open_source: opens the camera.
         count: frames wanted.
-        wait_s: for one frame, s.
     """
     frames: list[Frame] = []
     with LiveSource(open_source, length=count) as live:
-        end_s = time.monotonic() + wait_s
+        end_s = time.monotonic() + WAIT_S
         while len(frames) < count and time.monotonic() < end_s:
             frame = live.get(0.1)
             if frame is not None:
                 frames.append(frame)
-                end_s = time.monotonic() + wait_s
+                end_s = time.monotonic() + WAIT_S
             elif live.health.status == "unplugged":
                 break
         return frames, live.health.message
-
-
-def take_file(frames: Iterable[Frame], count: int) -> list[Frame]:
-    """The first frames of a file.
-
-    Args:
-        frames: in order.
-        count: at most so many.
-    """
-    return list(islice(frames, count))
 
 
 def _decoded(frames: Sequence[Frame]) -> tuple[list[Image], list[str]]:

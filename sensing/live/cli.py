@@ -86,7 +86,7 @@ def _run(options: argparse.Namespace) -> int:
     if any(endcap.pipeline.model.method == "dots" for endcap in endcaps):
         from sensing.live.core.warm_up import warm_up
 
-        warm_up(lambda text: LOG.info(text))
+        warm_up(LOG.info)
     run = LiveRun(config, endcaps, min(options.workers, len(endcaps)), playback)
     lines = Lines(sys.stderr if options.json else sys.stdout)
     with Stop() as stop, ExitStack() as outputs:
@@ -244,7 +244,7 @@ def _add_sources(parser: argparse.ArgumentParser) -> None:
     )
     play.add_argument("--at-end", choices=["stop", "loop", "stay"], help="end the run, begin again, or wait (stop)")
     play.add_argument("--paused", action="store_true", help="show the first pictures and wait for the page's button")
-    play.add_argument("--speed", type=number, metavar="X", help="also of videos and photos; 0: as fast as possible (1)")
+    play.add_argument("--speed", type=number, metavar="X", help="also of other files; 0: as fast as possible (1)")
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:

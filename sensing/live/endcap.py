@@ -204,7 +204,7 @@ def open_endcap(
     )
     models = None if model is None else lambda _: model
     opened = Endcap(open_endcaps(LiveConfig((endcap,)), models=models)[0])
-    warm_up(lambda text: LOG.info(text))
+    warm_up(LOG.info)
     return opened
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 
 from cad.errors import FileError, ParameterError
 from sensing.live.core.config import LiveConfig
@@ -44,6 +45,8 @@ def open_endcaps(config: LiveConfig, speed: float = 1.0, models: Models | None =
         if isinstance(feed, FileFeed):
             _require_first(feed, pipeline)
         endcaps.append(LiveEndcap(feed, pipeline))
+    if speed != 1.0 and not any(isinstance(endcap.feed, FileFeed) for endcap in endcaps):
+        raise ParameterError(f"--speed {speed:g} has no effect: no source is a file: leave it out", name="speed")
     return endcaps
 
 
@@ -86,9 +89,9 @@ def open_feed(endcap: EndcapConfig, speed: float = 1.0) -> tuple[Feed, bool]:
     number, rate_hz = scene_number(endcap.source), endcap.rate_hz or CAMERA_HZ
     if number is not None:
         _require_unset(endcap, "exposure")
-        of_scene = endcap.params, endcap.silicone
-        SceneSource(number, rate_hz, None, *of_scene)  # a wrong number or a missing scene is refused at once
-        return CameraFeed(lambda: SceneSource(number, rate_hz, None, *of_scene)), True
+        scene = partial(SceneSource, number, rate_hz, None, endcap.params, endcap.silicone)
+        scene()  # a wrong number or a missing scene is refused at once
+        return CameraFeed(scene), True
     if os.path.isdir(endcap.source):
         _require_unset(endcap, "exposure")
         folder = FolderSource(endcap.source, endcap.rate_hz or PHOTOS_HZ, faulty=True)

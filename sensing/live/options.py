@@ -19,7 +19,7 @@ USED_WITH: dict[str, tuple[str, ...]] = {  # option: sources that it has a meani
     "dot_rings": ("camera", "video", "photos", "url", "source", ROBOT),
     "dot_mm": ("camera", "video", "photos", "url", "source", ROBOT),
     "silicone": ("camera", "video", "photos", "url", "source", ROBOT),
-    "speed": ("video", "photos", "replay"),
+    "speed": ("video", "photos", "replay", "config"),
     "from_s": ("replay",),
     "at_end": ("replay",),
     "paused": ("replay",),
@@ -58,12 +58,12 @@ def complete(options: argparse.Namespace) -> argparse.Namespace:
     """
     source = next((name for name in SOURCES if getattr(options, name) is not None), ROBOT)
     for option, sources in USED_WITH.items():
-        if getattr(options, option) not in (None, False) and source not in sources:
+        if _is_given(option, options) and source not in sources:
             raise _ignored(option, source, options)
     if options.check and source != "replay":
         raise ParameterError("--check compares a recording with itself: give --replay FILE", name="check")
     for option in NOT_WITH_CHECK if options.check else ():
-        if getattr(options, option) not in (None, False):
+        if _is_given(option, options):
             raise ParameterError(f"{_flag(option)} has no effect with --check: leave one of them out", name=option)
     for option in ("host", "port") if options.no_page else ():
         if getattr(options, option) is not None:
@@ -77,6 +77,10 @@ def complete(options: argparse.Namespace) -> argparse.Namespace:
         raise ParameterError(f"--seconds {options.seconds:g}: give more than 0", name="seconds", value=options.seconds)
     given = {name: value for name, value in vars(options).items() if value is not None}
     return argparse.Namespace(**{**vars(options), **DEFAULTS, **given})
+
+
+def _is_given(option: str, options: argparse.Namespace) -> bool:
+    return not any(getattr(options, option) is left_out for left_out in (None, False))  # 0 is given, and equals False
 
 
 def _ignored(option: str, source: str, options: argparse.Namespace) -> ParameterError:

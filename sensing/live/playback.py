@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from cad.errors import ParameterError
+from sensing.live.core.feed import SPEEDS, require_speed
 from sensing.live.replay import recorded_pictures
 from sensing.live.timeline import Timeline
-
-SPEEDS = (0.0, 1000.0)
 
 
 class AtEnd(StrEnum):
@@ -76,8 +75,7 @@ class Playback:
         paused: bool = False,
     ) -> None:
         self.timeline, self.pictures = Timeline(path), recorded_pictures(path)
-        if not SPEEDS[0] <= speed <= SPEEDS[1]:
-            raise ParameterError(f"speed={speed:g} outside 0..1000: 1 is the file's own pace", name="speed")
+        require_speed(speed)
         if not 0 <= from_s <= self.timeline.span_s:
             raise ParameterError(
                 f"--from {from_s:g} s: {path} is {self.timeline.span_s:.1f} s long: give a moment in it", name="from"

@@ -5,7 +5,6 @@ for endcap in replay_endcaps(path, config, playback): ...      # as sensing.live
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from pathlib import Path
 from cad.errors import FileError
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.engine import LiveEndcap
-from sensing.live.core.feed import ROOM, Captured, FileFeed
+from sensing.live.core.feed import Captured, FileFeed
 from sensing.live.core.kept import Kept
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.mcap_records import CutError, DamagedError
@@ -47,14 +46,8 @@ class ReplayFeed(FileFeed):
     def __init__(self, path: Path, endcap: str, set_zero: Callable[[Zero, Kept], None], playback: Playback) -> None:
         super().__init__(lambda: iter(()))
         self._path, self._endcap, self._set_zero, self._playback = path, endcap, set_zero, playback
-        self._items: queue.Queue[_Item] = queue.Queue(ROOM)
         self._damage = ""
         playback.join()
-
-    @property
-    def ended(self) -> bool:
-        """Whether the last frame has been taken."""
-        return self._health.status == "ended" and self._items.empty()
 
     @property
     def damage(self) -> str:
@@ -63,13 +56,11 @@ class ReplayFeed(FileFeed):
 
     def take(self) -> Captured | None:
         """The next frame that is due, after the reference it begins with."""
-        while True:
-            try:
-                item = self._items.get_nowait()
-            except queue.Empty:
-                return None
-            if item.turn.number >= self._playback.turn.since:
-                break
+        item: _Item | None = self._next()
+        while item is not None and item.turn.number < self._playback.turn.since:
+            item = self._next()
+        if item is None:
+            return None
         if item.recorded.zero is not None:
             self._set_zero(item.recorded.zero, item.recorded.kept)
         return Captured(item.recorded.frame, item.due_s)
@@ -78,11 +69,6 @@ class ReplayFeed(FileFeed):
         """Ask its thread to end; does not wait."""
         super().stop()
         self._playback.stop()
-
-    def close(self, wait_s: float = 2.0) -> None:
-        """Stop reading."""
-        self._playback.stop()
-        super().close(wait_s)
 
     def _pump(self) -> str:
         problem: FileError | None = None
@@ -108,19 +94,10 @@ class ReplayFeed(FileFeed):
             moment_s = timeline.at_s(recorded.stamp_ns)
             counts = moment_s >= turn.from_s
             due_s = self._playback.due_s(moment_s, turn, at_once=counts and not shown)
-            if due_s is None or not self._offer(_Item(turn, recorded, due_s)):
+            if due_s is None or not self._put(_Item(turn, recorded, due_s), lambda: turn is self._playback.turn):
                 return
             shown |= counts
             self._running()
-
-    def _offer(self, item: _Item) -> bool:
-        while not self._stop.is_set() and item.turn is self._playback.turn:
-            try:
-                self._items.put(item, timeout=0.1)
-                return True
-            except queue.Full:
-                self._notify()
-        return False
 
 
 def replay_endcaps(

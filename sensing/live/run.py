@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, TextIO, cast
+from typing import TYPE_CHECKING
 
 from cad.errors import printable
 from sensing.live.core.config import LiveConfig
@@ -113,45 +113,35 @@ def reduce_pauses() -> None:
     gc.freeze()
 
 
-def run_until_stopped(
-    run: LiveRun,
-    stream: TextIO | Lines,
-    seconds: float | None = None,
-    more: ExitStack | None = None,
-    stop: Stop | None = None,
-) -> None:
+def run_until_stopped(run: LiveRun, lines: Lines, seconds: float | None, outputs: ExitStack, stop: Stop) -> None:
     """Run to the end of all sources, for ``seconds``, or to a signal; then close everything and print a summary.
 
     Recordings are closed before cameras; all ends within two seconds of a signal, whatever hangs.
 
     Args:
         run: not yet started.
-        stream: for the lines.
+        lines: for the state and the summary; closed at the end.
         seconds: duration of the run; None runs to the end of the sources.
-        more: outputs to close before the summary.
-        stop: what signals set, if the caller listens to them already.
+        outputs: to close before the summary.
+        stop: what signals set.
     """
-    lines = stream if isinstance(stream, Lines) else Lines(stream)
     run.stop_when(lambda: lines.gone)
-    terminal = Terminal(cast(TextIO, lines))
+    terminal, asked = Terminal(lines), stop.asked
     end_s = None if seconds is None else time.monotonic() + seconds
-    with ExitStack() as own:
-        asked = (stop or own.enter_context(Stop())).asked
-        try:
-            run.engine.start()
-            while not asked.is_set() and not run.done and not run.engine.wait(0.0):
-                terminal.show(run.engine.health(), run.latest.all(), run.robot(), _notes(run))
-                if end_s is not None and time.monotonic() >= end_s:
-                    break
-                asked.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
-        finally:
-            if asked.is_set():
-                run.hurry()
-            run.engine.halt(HURRY_S)
-            last = run.engine.health(fresh=True)  # while outputs close no frame comes, which is no fault of a camera
-            if more is not None:
-                more.close()
-            run.engine.close(min(HURRY_S, run.patience_s))
+    try:
+        run.engine.start()
+        while not asked.is_set() and not run.done and not run.engine.wait(0.0):
+            terminal.show(run.engine.health(), run.latest.all(), run.robot(), _notes(run))
+            if end_s is not None and time.monotonic() >= end_s:
+                break
+            asked.wait(REFRESH_S if end_s is None else max(0.0, min(REFRESH_S, end_s - time.monotonic())))
+    finally:
+        if asked.is_set():
+            run.hurry()
+        run.engine.halt(HURRY_S)
+        last = run.engine.health(fresh=True)  # while outputs close no frame comes, which is no fault of a camera
+        outputs.close()
+        run.engine.close(min(HURRY_S, run.patience_s))
     terminal.show(last, run.latest.all(), run.robot(), [])
     for line in summary(last, time.monotonic() - run.begin_s) + _notes(run):
         lines.write(printable(line) + "\n")

@@ -59,11 +59,10 @@ class StreamError(EndcapError):
 
 @dataclass(frozen=True)
 class FtSample:
-    """One reading: monotonic seconds, (6,) N and N m in the sensor's own axes, status word (0 when all is well)."""
+    """One reading: monotonic seconds, (6,) N and N m in the sensor's own axes."""
 
     time_s: float
     wrench: NDArray[np.float64]
-    status: int = 0
 
 
 class NetFt:
@@ -121,6 +120,7 @@ class NetFt:
             self._asked_s = self._clock()
             self._socket.send(REQUEST.pack(MAGIC, STREAM, 0))
         except (OSError, UnicodeError) as error:  # UnicodeError: a name that no host can have
+            self.__exit__()
             said = error.strerror if isinstance(error, OSError) else None
             raise StreamError(f"{self.name}: {said or error}: check address and network") from None
         self._heard_s = self._good_s = self._clock()
@@ -166,7 +166,7 @@ class NetFt:
             self._good_s = came_s
             wrench = np.array(counts) / self._counts
             _require_possible(self.name, wrench, "are the counts per N and N m those of the unit's page?", StreamError)
-            yield FtSample(self._stamped(sent, sequence, came_s), wrench, status)
+            yield FtSample(self._stamped(sent, sequence, came_s), wrench)
         now = self._clock()
         if now - self._heard_s > self._timeout_s:
             raise StreamError(f"{self.name}: silent for {self._timeout_s:g} s: check power, cable and firewall")

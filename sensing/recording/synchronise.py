@@ -58,7 +58,7 @@ class Synchroniser:
                 finite.
         """
         last = self._times[-1] if self._times else None
-        self._check("force/torque sample", sample.time_s, last, leap_s=LEAP_S + unread_s)
+        _require_going_on("force/torque sample", sample.time_s, last, self.slop_s, LEAP_S + unread_s)
         if last is not None and sample.time_s <= last:
             place = bisect_left(self._times, sample.time_s)  # out of order within the slop: UDP does that
             if place < len(self._times) and self._times[place] == sample.time_s:
@@ -80,7 +80,7 @@ class Synchroniser:
         Raises:
             ClockError: a frame earlier than the last one, or later by over ten seconds.
         """
-        self._check("frame", time_s, self._frame_s, backwards_s=0.0, leap_s=FRAME_LEAP_S)
+        _require_going_on("frame", time_s, self._frame_s, 0.0, FRAME_LEAP_S)
         self._frame_s = time_s
         right = bisect_left(self._times, time_s)
         left = bisect_right(self._times, time_s) - 1
@@ -94,16 +94,13 @@ class Synchroniser:
         share = 0.0 if after == before else (time_s - before) / (after - before)
         return (1 - share) * self._wrenches[left] + share * self._wrenches[right]
 
-    def _check(
-        self, what: str, time_s: float, last: float | None, backwards_s: float | None = None, leap_s: float = LEAP_S
-    ) -> None:
-        if not np.isfinite(time_s):
-            raise ClockError(f"{what} at {time_s} s: its clock gives no number")
-        if last is None:
-            return
-        step = time_s - last
-        if step < -(self.slop_s if backwards_s is None else backwards_s) or step > leap_s:
-            raise ClockError(
-                f"{what} at {time_s:.3f} s follows one at {last:.3f} s: its clock jumped by {step:+.3f} s (at most "
-                f"{leap_s:g} s forward); what is written stays, start again to go on"
-            )
+
+def _require_going_on(what: str, time_s: float, last: float | None, backwards_s: float, leap_s: float) -> None:
+    """Refuse a clock that gives no number, or steps back or forward by more than it may."""
+    if not np.isfinite(time_s):
+        raise ClockError(f"{what} at {time_s} s: its clock gives no number")
+    if last is not None and not -backwards_s <= time_s - last <= leap_s:
+        raise ClockError(
+            f"{what} at {time_s:.3f} s follows one at {last:.3f} s: its clock jumped by {time_s - last:+.3f} s (at "
+            f"most {leap_s:g} s forward); what is written stays, start again to go on"
+        )

@@ -34,14 +34,12 @@ class CameraConfig:
         size: (width, height).
         rate_hz: frames per second.
         exposure: fixed exposure in the driver's unit (100 us for USB cameras); None leaves it automatic.
-        gain: fixed gain in the driver's unit; None leaves it alone.
     """
 
     device: int = 0
     size: tuple[int, int] = (640, 480)
     rate_hz: float = 30.0
     exposure: float | None = None
-    gain: float | None = None
 
     def __post_init__(self) -> None:
         if self.device < 0 or min(self.size) < 1 or self.rate_hz <= 0:
@@ -66,7 +64,8 @@ class CameraSource:
 
     def __iter__(self) -> Iterator[Frame]:
         capture = _open(self.config, self.name)
-        exposure, gain = capture.get(cv2.CAP_PROP_EXPOSURE), capture.get(cv2.CAP_PROP_GAIN)
+        reported = capture.get(cv2.CAP_PROP_EXPOSURE)
+        exposure = reported if reported > 0 else None  # OpenCV gives 0 or -1 of a driver that does not say it
         try:
             sequence = 0
             while True:
@@ -75,7 +74,7 @@ class CameraSource:
                 if not known or data is None:
                     raise SourceError(f"{self.name}: no more frames: is it unplugged?")
                 stamp_s = capture_time_s(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, arrival_s)
-                yield to_frame(data, stamp_s, sequence, self.name, exposure, gain)
+                yield to_frame(data, stamp_s, sequence, self.name, exposure)
                 sequence += 1
         finally:
             capture.release()
@@ -86,9 +85,7 @@ def capture_time_s(stamp_s: float, arrival_s: float) -> float:
     return stamp_s if 0 <= arrival_s - stamp_s < STAMP_TRUST_S else arrival_s
 
 
-def to_frame(
-    data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None, gain: float | None
-) -> Frame:
+def to_frame(data: np.ndarray, time_s: float, sequence: int, name: str, exposure: float | None) -> Frame:
     """A frame from the driver's data.
 
     Args:
@@ -96,18 +93,18 @@ def to_frame(
         time_s: of capture.
         sequence: number of the frame.
         name: of the source.
-        exposure, gain: as the driver states them; None where it does not.
+        exposure: as the driver states it; None where it does not.
     """
     if data.ndim == 2 and 1 in data.shape:
         jpeg = data.tobytes()
-        return Frame(time_s, sequence, name, jpeg=jpeg, size=jpeg_size(jpeg), exposure=exposure, gain=gain)
-    return Frame(time_s, sequence, name, image=data, exposure=exposure, gain=gain)
+        return Frame(time_s, sequence, name, jpeg=jpeg, size=jpeg_size(jpeg), exposure=exposure)
+    return Frame(time_s, sequence, name, image=data, exposure=exposure)
 
 
 def list_devices(root: Path = Path("/sys/class/video4linux")) -> list[tuple[int, str]]:
     """(N, name) of every /dev/videoN that captures, in order; empty where there is none."""
     found = []
-    for entry in sorted(root.glob("video*"), key=lambda p: int(p.name[5:] or 0)) if root.is_dir() else []:
+    for entry in sorted(root.glob("video*"), key=lambda p: int(p.name[5:])) if root.is_dir() else []:
         index = entry / "index"
         if index.is_file() and index.read_text().strip() not in ("", "0"):
             continue  # the second node of a USB camera carries metadata only
@@ -186,6 +183,4 @@ def _open(config: CameraConfig, name: str) -> cv2.VideoCapture:
     if config.exposure is not None:
         capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # V4L2_EXPOSURE_MANUAL
         capture.set(cv2.CAP_PROP_EXPOSURE, config.exposure)
-    if config.gain is not None:
-        capture.set(cv2.CAP_PROP_GAIN, config.gain)
     return capture

@@ -36,7 +36,7 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
         return lambda: CameraSource(replace(base, device=int(port))), True
     if port != word or port.startswith("/dev/"):  # looked up at every opening: the port stays, the number may not
         return lambda: CameraSource(replace(base, device=device_number(port))), True
-    if word.startswith(("http://", "https://")):
+    if is_address(word):
         return lambda: MjpegSource(word), True
     name, colon, address = word.partition(":")
     if colon and name in plugins.names(plugins.Kind.CAMERA):
@@ -60,6 +60,11 @@ def source_opener(word: str, camera: CameraConfig | None = None) -> tuple[Callab
 def is_camera_number(word: str) -> bool:
     """Whether a word is a number as cameras have: up to four digits 0 to 9."""
     return len(word) <= 4 and word.isascii() and word.isdigit()
+
+
+def is_address(word: str) -> bool:
+    """Whether a word is the address of a camera on the network."""
+    return word.startswith(("http://", "https://"))
 
 
 @contextmanager

@@ -17,8 +17,6 @@ from pathlib import Path
 
 import cv2
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # of FFmpeg's own lines on stderr none: ours says it in one
-
 # Codings that lose nothing although pictures build on others, and MJPEG, whose pictures stand alone.
 TRUSTED = ("mjpg", "ffv1", "gif", "apng", "rle", "zmbv", "tscc", "cscd")
 ENOUGH_BITS = 2.0  # M, a pixel: from here on errors were within three standard deviations, see above

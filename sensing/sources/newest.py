@@ -19,6 +19,8 @@ from typing import Literal, Protocol
 from cad.errors import EndcapError
 from sensing.records import Frame
 
+START_S = 4.0  # without a first frame for so long, a source counts as silent
+WAITING = 64  # frames that wait for a reader that pauses; of more, the oldest are lost
 Status = Literal["starting", "running", "silent", "unplugged", "ended"]
 
 
@@ -60,7 +62,7 @@ class NewestQueue:
         length: frames kept at most; 1 is right for a live view, 2 rides out a hiccup.
     """
 
-    def __init__(self, length: int = 2) -> None:
+    def __init__(self, length: int) -> None:
         self._frames: deque[Frame] = deque(maxlen=length)
         self._changed = threading.Condition()
         self._closed = False
@@ -95,11 +97,10 @@ class OnArrival:
 
     Args:
         frames: of a camera.
-        length: frames that wait for a reader that pauses; of more, the oldest are lost.
     """
 
-    def __init__(self, frames: Iterator[Frame], length: int = 64) -> None:
-        self._frames, self._queue = frames, NewestQueue(length)
+    def __init__(self, frames: Iterator[Frame]) -> None:
+        self._frames, self._queue = frames, NewestQueue(WAITING)
         self._error: Exception | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -140,9 +141,7 @@ class LiveSource:
         open_source: opens the source anew; may raise SourceError, which is retried.
         length: see :class:`NewestQueue`.
         silent_s: no frame for this long is a fault.
-        start_s: no first frame for this long is a fault.
         retry_s: pause before opening again.
-        reopen: False for a source that ends, such as a file.
         notify: called after every frame, and at the end, from the source's thread; must not wait.
     """
 
@@ -151,17 +150,13 @@ class LiveSource:
         open_source: Callable[[], FrameSource],
         length: int = 2,
         silent_s: float = 1.0,
-        start_s: float = 4.0,
         retry_s: float = 0.5,
-        reopen: bool = True,
         notify: Callable[[], None] = lambda: None,
     ) -> None:
-        self._notify = notify
-        self._open, self._silent_s, self._retry_s, self._reopen = open_source, silent_s, retry_s, reopen
+        self._open, self._silent_s, self._retry_s, self._notify = open_source, silent_s, retry_s, notify
         self._queue = NewestQueue(length)
         self._health = Health()
-        self._start_s, self._begin_s = start_s, time.monotonic()
-        self._last_s = self._begin_s
+        self._begin_s = self._last_s = time.monotonic()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -192,7 +187,7 @@ class LiveSource:
     def health(self) -> Health:
         """State now; silence is measured by the clock, even while the driver hangs."""
         health, now = replace(self._health, dropped=self._queue.dropped), time.monotonic()
-        if health.status == "starting" and now - self._begin_s > self._start_s:
+        if health.status == "starting" and now - self._begin_s > START_S:
             message = f"no whole picture in {now - self._begin_s:.0f} s: is the stream slow or cut, the camera busy?"
             return replace(health, status="silent", message=message)
         if health.status == "running" and now - self._last_s > self._silent_s:
@@ -208,9 +203,6 @@ class LiveSource:
                 finally:
                     getattr(frames, "close", lambda: None)()  # generators release their device here
                 if self._stop.is_set():
-                    break
-                if not self._reopen:
-                    self._health = replace(self._health, status="ended", message="")
                     break
                 self._fault("the source ended")
             except EndcapError as error:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sensing.records import Image
 
-SETTLED_PX = 2e-3  # the warp is found
+ITERATIONS, SETTLED_PX = 12, 2e-3  # of the inverse of a displacement, at most; where they end
 
 
 @dataclass(frozen=True)
@@ -69,13 +69,12 @@ class Displacement:
         return Displacement(shift, self.turn_rad * factor, self.pivot_px, bumps)
 
 
-def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -> Image:
+def warp_image(image: Image, displacement: Displacement) -> Image:
     """The picture as seen after ``displacement``; beyond its frame the border is repeated.
 
     Args:
         image: (H, W) or (H, W, 3).
         displacement: where each point goes, px.
-        iterations: of the inverse of the displacement, at most.
 
     Notes:
         Sampled by Keys' cubic convolution (1981, doi:10.1109/TASSP.1981.1163711), which reproduces straight lines.
@@ -85,7 +84,7 @@ def warp_image(image: Image, displacement: Displacement, iterations: int = 12) -
     height, width = image.shape[:2]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     source_x, source_y = x, y
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         u, v = displacement.at(source_x, source_y)
         next_x, next_y = (x - u).astype(np.float32), (y - v).astype(np.float32)
         change = max(np.abs(next_x - source_x).max(), np.abs(next_y - source_y).max())

@@ -28,14 +28,13 @@ from numpy.typing import NDArray
 from cad import scaling
 from cad.materials import Silicone
 from cad.params import EndcapParams
-from sensing.records import DotTracks
+from sensing.records import TABLE_G_M_S2, DotTracks
 from sensing.tracking.model_input import ModelInput
 from sensing.tracking.motion_kernels import fitted_change
 
 Array = NDArray[np.float64]
 TABLE = Path(__file__).with_name("own_weight.csv")
 PROFILES = ("side_outward", "side_polar", "side_azimuth", "axis_outward", "axis_polar")
-G_M_S2 = 9.81  # of one g; that with which own_weight.csv was computed
 KG_PER_MM3 = 1e-6  # of 1 g/cm3
 WALL_SCALE = 0.3  # M: of log T / R against clamp / R; where a shell is left out, its shape is met to 0.1 to 2.5 %
 NEWS_PX = 0.25  # at 480: motion from which c is looked for anew; five times what the picture's noise leaves
@@ -123,7 +122,7 @@ def own_weight_displacement(arm_mm: Array, params: EndcapParams, silicone: Silic
     """
     radius_mm = params.outer_radius_mm
     ratios = (params.wall_mm / radius_mm, (params.centre_height_mm - scaling.FLANGE_THICKNESS_MM) / radius_mm)
-    unit_mm = silicone.density_g_cm3 * KG_PER_MM3 * G_M_S2 * radius_mm**2 / silicone.neo_hooke().shear_mpa
+    unit_mm = silicone.density_g_cm3 * KG_PER_MM3 * TABLE_G_M_S2 * radius_mm**2 / silicone.neo_hooke().shear_mpa
     out = arm_mm / np.linalg.norm(arm_mm, axis=1, keepdims=True)
     polar, azimuth = np.arccos(np.clip(out[:, 2], -1, 1)), np.arctan2(out[:, 1], out[:, 0])
     share = polar / (np.pi / 2 + np.arcsin(ratios[1] / (1.0 - ratios[0])))  # 1 where the inner surface meets the clamp

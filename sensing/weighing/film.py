@@ -41,7 +41,7 @@ def film_readings(endcap: EndcapConfig, source: str, model: LiveModel) -> Iterat
             another design.
         ParameterError: a camera file of another picture size.
     """
-    if is_camera_number(source) or source.startswith("http") or not os.path.exists(source) or _is_device(source):
+    if is_camera_number(source) or not os.path.exists(source) or Path(source).is_char_device():  # a camera in /dev
         raise FileError(f"{source}: no such file or folder: give a recording, a video or a folder of pictures")
     recorded = source.lower().endswith(RECORDING)
     if recorded:
@@ -107,13 +107,9 @@ def _pictures(source: str) -> Iterator[Recorded]:
             yield Recorded(frame, None)
 
 
-def _is_device(source: str) -> bool:
-    """Whether a source is a camera in /dev, which cannot be used as a film."""
-    return Path(source).is_char_device()
-
-
 def as_trained(endcap: EndcapConfig) -> EndcapConfig:
     """The endcap with the silicone of the training data, without rate effects."""
-    on_n, off_n = endcap.contact_on_n / endcap.gain, endcap.contact_off_n / endcap.gain
-    plain = replace(endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=())
-    return replace(plain, contact_on_n=on_n, contact_off_n=off_n)
+    return replace(
+        endcap, gain=1.0, gain_sd=0.0, gain_date="", gain_weights="", relaxation=(),
+        contact_on_n=endcap.contact_on_n / endcap.gain, contact_off_n=endcap.contact_off_n / endcap.gain,
+    )  # fmt: skip

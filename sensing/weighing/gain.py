@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
-from sensing.weighing.words import MOST_TILT_DEG
+from sensing.tensegrity.description import GRAVITY_M_S2
+from sensing.weighing.words import GRAMS, MOST_TILT_DEG
 from sensing.wrench.quantiles import chi_square_quantile
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ SAME_DEG = 1e-6  # verticals that were given as equal differ by rounding
 LEAST_POSES = 2  # with one pose a wrong weight could not be found
 LEAST_RATIO = 1.2  # of the largest load over the smallest: equal loads cannot contradict one another
 SOFTEST, STIFFEST = 0.04, 5.0  # E: range of gains of the silicones in cad/materials.csv and of harder ones
-UNITS_G = {"N": 101.972, "oz": 28.3495}  # g; units typed by mistake for g (kg and lb give too small numbers)
+UNITS_G = {"N": 1000 / GRAVITY_M_S2, "oz": GRAMS["oz"]}  # typed by mistake for g (kg and lb give too small numbers)
 ROUNDS = 50  # iterations of the fit
 
 

@@ -10,6 +10,7 @@ sensor gives it. ``weight_n`` and ``T_robot_endcap`` come from endcaps.toml.
 from __future__ import annotations
 
 import csv
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from sensing.weighing.at_rest import RestWatch
 from sensing.weighing.film import film_readings
 from sensing.weighing.gain import Array, WeighingError
 from sensing.weighing.postures import Posture, fit_gains
-from sensing.weighing.session import Ask
+from sensing.weighing.session import Say
 from sensing.weighing.store import gain_entries
 from sensing.wrench.stiffness import weights_digest
 
@@ -34,7 +35,7 @@ COLUMNS = ("recording", "up_x", "up_y", "up_z")  # columns of the table of postu
 MOST_ROWS = 100  # largest number of postures
 
 
-def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: Ask) -> None:
+def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: Say) -> None:
     """Read all postures, fit the gains, and store one for every endcap that carried load.
 
     Args:
@@ -77,7 +78,7 @@ def weigh_robot(config: LiveConfig, out: Path, table: Path, dry_run: bool, say: 
     say(f"{out}: stored")
 
 
-def _forces(config: LiveConfig, recording: Path, models: Models, say: Ask) -> tuple[dict[str, Array], dict[str, Array]]:
+def _forces(config: LiveConfig, recording: Path, models: Models, say: Say) -> tuple[dict[str, Array], dict[str, Array]]:
     """(force, N; covariance, N2) of every endcap that touches at the end of a recording, robot frame."""
     force: dict[str, Array] = {}
     covariance: dict[str, Array] = {}
@@ -110,8 +111,7 @@ def _at_rest(endcap: EndcapConfig, recording: Path, model: LiveModel) -> tuple[A
 def _rows(table: Path) -> list[tuple[Path, Array]]:
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows = [row for _, row in zip(range(MOST_ROWS + 1), reader, strict=False)]
+            rows = list(islice(csv.DictReader(stream), MOST_ROWS + 1))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{table}: cannot be read as CSV ({error}): give columns {', '.join(COLUMNS)}") from None
     if not rows or len(rows) > MOST_ROWS or any(name not in rows[0] for name in COLUMNS):

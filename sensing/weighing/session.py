@@ -41,6 +41,7 @@ GRAVITIES_M_S2 = (9.76, 9.84)  # range of gravity on the Earth's surface
 FRESH_S = 600.0  # E: for so long the untouched reading holds; lamp and mounting drift by up to 0.6 N over hours
 UNDO = "undo"  # typed instead of a weight: takes the last one back
 Ask = Callable[[str], str]
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class Listener:
             return (self._watch or RestWatch()).newest()
 
 
-def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pose]:
+def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Say) -> list[Pose]:
     """Guide the user through any number of poses that agree; a refused one can be repeated.
 
     Args:
@@ -136,7 +137,7 @@ def weigh_live(endcap: LiveEndcap, terms: Terms, ask: Ask, say: Ask) -> list[Pos
 class _Guide:
     """The questions of a session, from the untouched endcap to the last weight."""
 
-    def __init__(self, endcap: LiveEndcap, listener: Listener, terms: Terms, ask: Ask, say: Ask) -> None:
+    def __init__(self, endcap: LiveEndcap, listener: Listener, terms: Terms, ask: Ask, say: Say) -> None:
         self._endcap, self._listener, self._terms, self._ask, self._say = endcap, listener, terms, ask, say
         self._poses: list[Pose] = []
 
@@ -256,16 +257,12 @@ def _await(endcap: LiveEndcap, listener: Listener, what: Callable[[RestWatch], R
             except WeighingError as error:
                 force, moved = listener.newest()
                 if force == force:
-                    _show(f"  {where}: {force:.2f} N, moved by {moved:.2f} N in the last second")
+                    transient(f"  {where}: {force:.2f} N, moved by {moved:.2f} N in the last second")
                 if time.monotonic() > end_s:
                     if endcap.health.valid:
                         raise
                     condition = endcap.machine.condition
                     raise WeighingError(f"{error}; now {condition.state}: {condition.reason}") from None
     finally:
-        _show("")
+        transient()
         listener.end()
-
-
-def _show(text: str) -> None:
-    transient(text)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
 from sensing.camera.chosen_module import endcap_label
 from sensing.interpreter import typed_command
+from sensing.user_folders import data_folder
 
 FORMAT = "endcap-wrench-2"
 SIMULATED = "simulated"  # key of what weights state of themselves: no frame of their training was real
@@ -25,8 +25,7 @@ SHIPPED = Path(__file__).parents[1] / "weights"
 
 def weights_folder() -> Path:
     """The user's folder of weights: ``endcap-toolkit/weights`` in XDG_DATA_HOME or ~/.local/share."""
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data) / "endcap-toolkit" / "weights"
+    return data_folder() / "weights"
 
 
 def weights_name(params: EndcapParams, silicone: str = DEFAULT_SILICONE) -> str:

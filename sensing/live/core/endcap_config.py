@@ -19,6 +19,7 @@ from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM, RELEASED_RINGS, parse_rings
 from sensing.camera.chosen_module import OTHER_MODULE
 from sensing.frames import Array, rigid
+from sensing.sources.choose import is_address
 from sensing.wrench.relaxation import Term, rate_words
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
@@ -106,7 +107,7 @@ class EndcapConfig:
                 raise ParameterError(
                     f"{name}={value:g} of {self.name} outside {least:g}..{most:g}", name=name, value=value
                 )
-        if self.source.startswith(("http://", "https://")):
+        if is_address(self.source):
             for name, what in CAMERA_ONLY.items():
                 if getattr(self, name):
                     raise ParameterError(

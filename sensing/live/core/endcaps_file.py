@@ -19,6 +19,7 @@ from cad.whole_file import replace_file
 from sensing.interpreter import typed_command
 from sensing.live.core.config import LiveConfig, one_each
 from sensing.live.core.endcap_config import OF_BEFORE, EndcapConfig
+from sensing.sources.choose import is_address
 from sensing.wrench.relaxation import MOST_TERMS
 
 TEXTS = (
@@ -96,7 +97,7 @@ def _is_one_camera(source: str) -> bool:
     """Whether an address, or a word of a plug-in, is a camera, which sees one endcap; files may be of several."""
     name, colon, address = source.partition(":")
     of_plugin = colon and name in plugins.names(plugins.Kind.CAMERA) and not os.path.exists(address)
-    return source.startswith(("http://", "https://")) or bool(of_plugin)
+    return is_address(source) or bool(of_plugin)
 
 
 def save_config(config: LiveConfig, path: Path) -> None:

@@ -67,7 +67,7 @@ class LiveEndcap:
         if event is Event.ENDED and (not self.feed.ended or self._busy):  # in this order: a frame being taken is either
             event = None  # the file has been read, but not all of its frames have been worked on
         if event is not None:
-            self.machine.happened(event, source.message, time.monotonic())
+            self.machine.happened(event, source.message)
         condition = replace(self.machine.condition, note=self.pipeline.note)
         zero = self.pipeline.zero
         return self.stats.health(
@@ -115,7 +115,7 @@ class LiveEndcap:
             self._failed(error)
         else:
             if self.pipeline.outcome is not None:
-                self.machine.happened(*self.pipeline.outcome, time.monotonic())
+                self.machine.happened(*self.pipeline.outcome)
             if reading is not None:
                 self.stats.add(reading)
         self._busy = False
@@ -124,7 +124,7 @@ class LiveEndcap:
     def _failed(self, error: Exception) -> None:
         self.pipeline.faults += 1
         reason = str(error) if isinstance(error, EndcapError) else f"{type(error).__name__}: {error}"
-        self.machine.happened(Event.ERROR, reason, time.monotonic())
+        self.machine.happened(Event.ERROR, reason)
 
 
 class Engine:

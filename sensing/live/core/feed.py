@@ -11,13 +11,14 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cad.errors import EndcapError, ParameterError
 from sensing.records import Frame
 from sensing.sources.newest import FrameSource, Health, LiveSource
 
 ROOM = 4  # frames that a file may be ahead
+SPEEDS = (0.0, 1000.0)
 
 
 class Captured(NamedTuple):
@@ -100,6 +101,16 @@ class CameraFeed:
             self._live.close(wait_s)
 
 
+def require_speed(speed: float) -> None:
+    """Refuse a speed outside :data:`SPEEDS`.
+
+    Raises:
+        ParameterError: it is.
+    """
+    if not SPEEDS[0] <= speed <= SPEEDS[1]:
+        raise ParameterError(f"speed={speed:g} outside 0..{SPEEDS[1]:g}: 1 is the file's own pace", name="speed")
+
+
 class Pace:
     """When a recorded moment is due on this run's clock.
 
@@ -108,20 +119,17 @@ class Pace:
     """
 
     def __init__(self, speed: float = 1.0) -> None:
-        if not 0 <= speed <= 1000:
-            raise ParameterError(f"speed={speed:g} outside 0..1000: 1 is the file's own pace", name="speed")
+        require_speed(speed)
         self._speed = speed
         self._begin: tuple[float, float] | None = None
-        self._lock = threading.Lock()
 
     def due_s(self, time_s: float) -> float:
         """Due time, s, on this run's clock; the first moment is due now."""
         now_s = time.monotonic()
         if self._speed == 0:
             return now_s
-        with self._lock:
-            self._begin = self._begin or (now_s, time_s)
-            return self._begin[0] + (time_s - self._begin[1]) / self._speed
+        self._begin = self._begin or (now_s, time_s)
+        return self._begin[0] + (time_s - self._begin[1]) / self._speed
 
 
 class FileFeed:
@@ -129,12 +137,12 @@ class FileFeed:
 
     Args:
         open_source: opens it.
-        pace: shared by files that keep step; None for a pace of its own.
+        pace: that it is played at; None for its own.
     """
 
     def __init__(self, open_source: Callable[[], FrameSource], pace: Pace | None = None) -> None:
         self._open, self._pace = open_source, pace or Pace()
-        self._frames: queue.Queue[Captured] = queue.Queue(ROOM)
+        self._ready: queue.Queue[Any] = queue.Queue(ROOM)  # of what :meth:`take` gives, or makes it from
         self._stop = threading.Event()
         self._health = Health()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -148,7 +156,7 @@ class FileFeed:
     @property
     def ended(self) -> bool:
         """Whether the last frame has been taken."""
-        return self._health.status == "ended" and self._frames.empty()
+        return self._health.status == "ended" and self._ready.empty()
 
     @property
     def damage(self) -> str:
@@ -166,10 +174,7 @@ class FileFeed:
 
     def take(self) -> Captured | None:
         """The next frame that is due."""
-        try:
-            return self._frames.get_nowait()
-        except queue.Empty:
-            return None
+        return self._next()
 
     def stop(self) -> None:
         """Ask its thread to end; does not wait."""
@@ -177,7 +182,7 @@ class FileFeed:
 
     def close(self, wait_s: float = 2.0) -> None:
         """Stop reading."""
-        self._stop.set()
+        self.stop()
         if self._thread.is_alive():
             self._thread.join(wait_s)
 
@@ -207,10 +212,18 @@ class FileFeed:
         self._health = replace(self._health, status="running", frames=self._health.frames + 1)
         self._notify()
 
-    def _put(self, item: Captured) -> bool:
-        while not self._stop.is_set():
+    def _next(self) -> Any:
+        """The oldest of what lies ready; None where nothing does."""
+        try:
+            return self._ready.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _put(self, item: Any, is_wanted: Callable[[], bool] = lambda: True) -> bool:
+        """Wait for room and lay an item ready; False where it is no longer wanted."""
+        while not self._stop.is_set() and is_wanted():
             try:
-                self._frames.put(item, timeout=0.1)
+                self._ready.put(item, timeout=0.1)
                 return True
             except queue.Full:
                 self._notify()

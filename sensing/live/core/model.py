@@ -24,6 +24,8 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.records import ShearField, Wrench
 from sensing.tracking.methods import known_methods
 from sensing.wrench.contact import ContactThreshold
+from sensing.wrench.model import WrenchModel, load_wrench_model
+from sensing.wrench.stiffness import load_scale_of, weights_digest
 from sensing.wrench.weight_files import find_weights
 
 CONTACT_N = 1.0  # E: above the answer at rest, at D=130 T=8; python -m sensing.setup measures it
@@ -59,22 +61,16 @@ class LiveModel:
     @property
     def radial(self) -> NDArray[np.float64] | None:
         """Of trained weights, :attr:`sensing.wrench.model.WrenchModel.radial`; None of other estimators."""
-        from sensing.wrench.model import WrenchModel
-
         return self.estimator.radial if isinstance(self.estimator, WrenchModel) else None
 
     @property
     def load_scale(self) -> float:
         """How large the forces are that it answers (:mod:`sensing.wrench.load_scale`)."""
-        from sensing.wrench.stiffness import load_scale_of
-
         return load_scale_of(self.estimator)
 
     @property
     def most_n(self) -> float:
         """Largest force that trained weights know, N; infinite of other estimators, and where weights do not say it."""
-        from sensing.wrench.model import WrenchModel
-
         return self.estimator.range.force_n if isinstance(self.estimator, WrenchModel) else math.inf
 
     def threshold(self, on_n: float = 0.0, off_n: float = 0.0, gain: float = 1.0) -> ContactThreshold:
@@ -172,9 +168,6 @@ def weights_in_use(config: LiveConfig, endcap: EndcapConfig, any_silicone: bool 
 
 def _digest(weights: Path | None) -> str:
     """That of :func:`sensing.wrench.stiffness.weights_digest`, of a file."""
-    from sensing.wrench.model import load_wrench_model
-    from sensing.wrench.stiffness import weights_digest
-
     return weights_digest(load_wrench_model(path=weights, silicone=None))
 
 
@@ -199,8 +192,6 @@ def load_model(
         FileError: no weights, those of another endcap, or those for a method of a plug-in that is not installed.
     """
     if name == "default":
-        from sensing.wrench.model import load_wrench_model
-
         model = load_wrench_model(params, weights, silicone)
         if model.method not in known_methods():
             raise FileError(

@@ -1,4 +1,4 @@
-"""State of a robot from all its endcaps: which touch, since when, and whether their forces add up to the weight.
+"""State of a robot from all its endcaps: which touch, and whether their forces add up to the weight.
 
 Robot frame (``T_robot_endcap`` of each endcap); N, s. The force sum needs no attitude: its norm is that of the weight
 while nothing accelerates and nothing but the endcaps touches the ground.
@@ -27,20 +27,15 @@ class RobotState:
 
     Attributes:
         touching: names of the endcaps that touch.
-        since_s: of each, capture time at which contact began.
-        unknown: names of the endcaps whose contact is not known.
         force_n: (3,) sum over the endcaps that touch, robot frame; NaN where their places are not stated.
         weight_n: of the robot; 0 where not given.
-        standing: at least three touch.
-        consistent: whether the force sum carries the weight; None unless standing, with all places stated.
+        consistent: whether the force sum carries the weight; None unless three or more touch, the contact of all is
+            known, and all places are stated.
     """
 
     touching: tuple[str, ...]
-    since_s: dict[str, float]
-    unknown: tuple[str, ...]
     force_n: Array
     weight_n: float
-    standing: bool
     consistent: bool | None
 
 
@@ -65,19 +60,17 @@ def robot_state(
         weight_n: 0 without the check.
         now_s: on this run's clock.
     """
-    touching, since, unknown, total = [], {}, [], np.zeros(3)
+    touching, are_known, total = [], True, np.zeros(3)
     for endcap in endcaps:
         reading = readings.get(endcap.name)
         if reading is None or now_s - reading.captured_s > OLD_S or not reading.contact.known:
-            unknown.append(endcap.name)
+            are_known = False
         elif reading.contact.touching:
             touching.append(endcap.name)
-            since[endcap.name] = reading.contact.since_s
             total += endcap.T_robot_endcap[:3, :3] @ reading.wrench.force_n
-    standing = len(touching) >= STANDING
     consistent = None
     if not set(touching).isdisjoint(unplaced(endcaps)):
         total = np.full(3, np.nan)
-    elif standing and weight_n > 0 and not unknown:
+    elif len(touching) >= STANDING and weight_n > 0 and are_known:
         consistent = bool(abs(weight_n - np.linalg.norm(total)) <= TOLERANCE * weight_n)
-    return RobotState(tuple(touching), since, tuple(unknown), total, weight_n, standing, consistent)
+    return RobotState(tuple(touching), total, weight_n, consistent)

@@ -4,7 +4,7 @@
 
 Every frame is one event (:class:`Event`, from the pipeline), and so is what the clock and the source show while no
 frame comes. The state follows the newest event; only the end of a file is for ever. Numbers count in the states of
-:data:`VALID` alone. Times in s of the monotonic clock.
+:data:`VALID` alone.
 """
 
 from __future__ import annotations
@@ -102,13 +102,11 @@ class Condition:
     Attributes:
         state: now.
         reason: why, in one line; empty while all is well.
-        since_s: when the state began.
         note: answer to a request ("not zeroed: ..."), empty after :data:`NOTE_S`.
     """
 
     state: State = State.STARTING
     reason: str = ""
-    since_s: float = 0.0
     note: str = ""
 
     @property
@@ -139,19 +137,17 @@ class Machine:
         """As of the last event."""
         return self._condition
 
-    def happened(self, event: Event, reason: str, now_s: float) -> Condition:
+    def happened(self, event: Event, reason: str) -> Condition:
         """Take one event.
 
         Args:
             event: what has happened.
             reason: why, kept while the state is not a good one.
-            now_s: on the clock of the run.
         """
         with self._lock:
             before = self._condition
             state = next_state(before.state, event)
-            since_s = before.since_s if state is before.state else now_s
             stays = event is Event.COLLECTED or (state is State.FAILED and event is Event.ENDED)
             kept = before.reason if stays and state is before.state else reason
-            self._condition = Condition(state, "" if state is State.RUNNING else kept, since_s)
+            self._condition = Condition(state, "" if state is State.RUNNING else kept)
             return self._condition

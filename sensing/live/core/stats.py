@@ -38,7 +38,6 @@ class EndcapHealth:
         rate_hz: readings a second.
         age_s: since the capture of the last one.
         p50_ms, p99_ms: from capture to wrench.
-        work_ms: median time spent on a frame.
         stage_ms: median of each stage.
         dots, dots_known: followed and known.
         drift: its cause.
@@ -61,7 +60,6 @@ class EndcapHealth:
     age_s: float
     p50_ms: float
     p99_ms: float
-    work_ms: float
     stage_ms: dict[str, float]
     dots: int
     dots_known: int
@@ -79,7 +77,6 @@ class _Timing:
     until_s: float
     p50_ms: float = float("nan")
     p99_ms: float = float("nan")
-    work_ms: float = float("nan")
     stage_ms: dict[str, float] = field(default_factory=dict)
     dropped_share: float = 0.0
 
@@ -140,7 +137,6 @@ class EndcapStats:
             age_s=float("nan") if last is None else now - last.captured_s,
             p50_ms=timing.p50_ms,
             p99_ms=timing.p99_ms,
-            work_ms=timing.work_ms,
             stage_ms=timing.stage_ms,
             dots=dots[0],
             dots_known=dots[1],
@@ -160,8 +156,7 @@ class EndcapStats:
         times = np.array([[stage.get(name, np.nan) for name in names] for stage in stages])
         medians = dict(zip(names, _medians(times).tolist(), strict=True))
         last = latency[min(len(latency) - 1, round(0.99 * len(latency)))]
-        work = _medians(np.nansum(times, axis=1)[:, None])[0]
-        return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), float(work), medians, share)
+        return _Timing(now + HOLD_S, float(_medians(latency[:, None])[0]), float(last), medians, share)
 
     def _dropped_share(self, now: float, dropped: int) -> float:
         """Share of the frames of the last :data:`DROPS_S` that nobody took in time."""

@@ -7,7 +7,6 @@ are. Times in s on the monotonic clock, poses in mm.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from cad.params import EndcapParams
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.records import Frame
+from sensing.user_folders import cache_folder
 
 SIZE = (640, 480)
 ENDCAPS = 6
@@ -30,7 +30,6 @@ WORD = "scene:"
 _BEGINS = threading.Lock()
 
 
-@lru_cache(maxsize=2)
 def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE) -> Any:
     """The pictures; rendered at the first call on a machine, then read from the user's cache folder.
 
@@ -41,10 +40,14 @@ def scene_film(design: EndcapParams = RELEASED, silicone: str = DEFAULT_SILICONE
     Raises:
         ParameterError: a design that cannot be made, or an unknown silicone.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
+    return _film(design, silicone)
+
+
+@lru_cache(maxsize=2)
+def _film(design: EndcapParams, silicone: str) -> Any:
     from sensing.simulator.robot.frames import RobotDesign, load_film  # loaded only when the scene is shown
 
-    return load_film(cache, _progress, RobotDesign(design, silicone))
+    return load_film(cache_folder(), _progress, RobotDesign(design, silicone))
 
 
 @lru_cache(maxsize=1)
@@ -70,7 +73,7 @@ def scene_config(
         design: of the six endcaps.
         silicone: row of cad/materials.csv.
     """
-    film = scene_film() if (design, silicone) == (RELEASED, DEFAULT_SILICONE) else scene_film(design, silicone)
+    film = scene_film(design, silicone)
     endcaps = tuple(
         EndcapConfig(
             f"endcap_{number}", f"{WORD}{number}", diameter_mm=design.diameter_mm, wall_mm=design.wall_mm,
@@ -108,8 +111,7 @@ class SceneSource:
         if not 1 <= rate_hz <= 240:
             raise ParameterError(f"rate_hz={rate_hz:g} outside 1..240", name="rate_hz", value=rate_hz)
         self.number, self.name, self._rate_hz = number, f"{WORD}{number}", rate_hz
-        own = (design, silicone) == (RELEASED, DEFAULT_SILICONE)
-        self._film = scene_film() if own else scene_film(design, silicone)
+        self._film = scene_film(design, silicone)
         self._phase = number / ENDCAPS if phase is None else phase
 
     def __iter__(self) -> Iterator[Frame]:

@@ -22,13 +22,12 @@ BOUNDARY = "endcap-frame"
 Open = Callable[[int], FrameSource]
 
 
-def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.0.1") -> ThreadingHTTPServer:
-    """A server of ``/0`` to ``/5``; run its ``serve_forever``.
+def mjpeg_server(port: int, open_source: Open = SceneSource) -> ThreadingHTTPServer:
+    """A server of ``/0`` to ``/5`` on loopback; run its ``serve_forever``.
 
     Args:
         port: to listen on, 0 for any free one.
         open_source: makes the frames of an endcap from its number.
-        host: address to listen on.
 
     Raises:
         ParameterError: the port is taken.
@@ -57,11 +56,9 @@ def mjpeg_server(port: int, open_source: Open = SceneSource, host: str = "127.0.
 
     Handler.do_GET.__doc__ = "One camera for as long as it is read."
     try:
-        server = ThreadingHTTPServer((host, port), Handler)
+        return ThreadingHTTPServer(("127.0.0.1", port), Handler)
     except (OSError, OverflowError) as error:
         raise ParameterError(f"--port {port}: {error}: choose another", name="port", value=port) from None
-    server.daemon_threads = True
-    return server
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

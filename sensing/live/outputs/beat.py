@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+WAIT_S = 0.2  # for a call under way at the end
+
 
 class Beat:
     """Calls a function every so often until stopped, also after an error.
@@ -24,11 +26,11 @@ class Beat:
         """Begin."""
         self._thread.start()
 
-    def stop(self, wait_s: float = 0.2) -> None:
+    def stop(self) -> None:
         """No call begins any more; one under way is waited for."""
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(wait_s)
+            self._thread.join(WAIT_S)
 
     def _run(self) -> None:
         while not self._stop.wait(self._period_s):

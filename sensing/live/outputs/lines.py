@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import queue
 import threading
 from typing import TextIO
@@ -58,7 +59,7 @@ class Lines:
             try:
                 self._put(text)
             except (OSError, ValueError) as error:
-                self.gone = isinstance(error, BrokenPipeError) or getattr(error, "errno", 0) == 5  # EIO: no terminal
+                self.gone = isinstance(error, BrokenPipeError) or getattr(error, "errno", 0) == errno.EIO  # no terminal
                 self.failed = getattr(error, "strerror", None) or str(error)
 
     def _put(self, text: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import sys
 from collections.abc import Mapping, Sequence
 from typing import TextIO
 
@@ -14,6 +13,7 @@ from cad.errors import printable
 from sensing.live.core.reading import EndcapReading
 from sensing.live.core.robot import RobotState
 from sensing.live.core.stats import EndcapHealth
+from sensing.live.outputs.lines import Lines
 
 REFRESH_S = 0.2
 
@@ -22,11 +22,11 @@ class Terminal:
     """Writes the lines.
 
     Args:
-        stream: where; standard error when standard output carries data.
+        stream: where.
     """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = sys.stdout if stream is None else stream
+    def __init__(self, stream: TextIO | Lines) -> None:
+        self._stream = stream
         self._tty = self._stream.isatty()
         self._lines = 0
         self._said: dict[str, str] = {}

@@ -165,20 +165,21 @@ class Link:
 
 def build_app(run: Link, port: int) -> Starlette:
     """The web application of the page."""
-    viewers, cookie = _Viewers(), COOKIE.format(port)
+    viewers, cookie = 0, COOKIE.format(port)
 
     async def socket_(websocket: WebSocket) -> None:
-        if refusal(websocket, run.token, cookie) or not same_origin(websocket) or viewers.count >= MOST_VIEWERS:
+        nonlocal viewers
+        if refusal(websocket, run.token, cookie) or not same_origin(websocket) or viewers >= MOST_VIEWERS:
             await websocket.close(1008)
             return
-        viewers.count += 1  # before the first await: other viewers may connect meanwhile
+        viewers += 1  # before the first await: other viewers may connect meanwhile
         try:
             await websocket.accept()
             await _answer(websocket, run)
         except (WebSocketDisconnect, RuntimeError):  # RuntimeError: it went away while being answered
             pass
         finally:
-            viewers.count -= 1
+            viewers -= 1
 
     return Starlette(routes=[*_files(run, cookie), *_answers(run, cookie), WebSocketRoute("/ws", socket_)])
 
@@ -228,10 +229,6 @@ def _answers(run: Link, cookie: str) -> list[Route]:
 
     paths = {"/state.json": reported, "/domes.json": domes, "/recording/{number:int}": recording}
     return [Route(path, guarded(answer)) for path, answer in paths.items()]
-
-
-class _Viewers:
-    count = 0
 
 
 async def _answer(websocket: WebSocket, run: Link) -> None:

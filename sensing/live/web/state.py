@@ -75,7 +75,7 @@ def _endcap(health: EndcapHealth, reading: EndcapReading | None) -> dict[str, An
         "dots_known": health.dots_known,
         "reopened": health.reopened,
     }
-    reported |= nothing(health.endcap, health.status, health.message) | {"flags": []}
+    reported |= nothing(health.endcap, health.status, health.message)
     if reading is not None and reading.valid and health.valid:
         reported |= plain(reading) | {"state": health.status}
     return reported

@@ -8,7 +8,6 @@ A run is simulated once on a computer and kept in the user's cache folder.
 from __future__ import annotations
 
 import hashlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +21,7 @@ from sensing.simulator.walk.terrain import Terrain
 from sensing.simulator.walk.truth import Walk, load_walk, save_walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import Sample
+from sensing.user_folders import cache_folder
 
 LONGEST_S = 600.0  # longest run
 SHORTEST_S = 3.0  # shortest run
@@ -96,7 +96,7 @@ def _walk(
     for path in sorted(Path(package.__path__[0]).iterdir()):
         if path.is_file():
             code.update(path.read_bytes())
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit"
+    folder = cache_folder()
     path = folder / f"walk_{terrain.value}_{seed}_{seconds:g}s_{code.hexdigest()[:16]}.npz"
     if path.is_file():
         try:

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sensing.records import TABLE_G_M_S2
 from sensing.simulator.solid.element import Array
 
 MASS_KG = 12.0  # P, NET27
-GRAVITY_M_S2 = 9.81  # with which scene.npz was solved
-WEIGHT_N = MASS_KG * GRAVITY_M_S2
+WEIGHT_N = MASS_KG * TABLE_G_M_S2
 RING_RADIUS_MM = 320.0  # E
 BAR_MM = 900.0  # E: between the centres of its two endcaps
 TWIST_DEG = 150.0  # of the upper ring against the lower one: pi/2 + pi/n, the n-strut prism's only prestressed state

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cad.errors import FileError
+from sensing.records import TABLE_G_M_S2
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.robot_model.model import FRICTION
 from sensing.simulator.solid.element import Array
@@ -22,7 +23,6 @@ RAMP_S, SETTLED_S, CREEP_S = 1.0, 1.0, 1.0
 SAMPLED_STEPS = 5  # time steps between samples of a ramp
 STIFF_N_M = 5e3  # approximate stiffness of the springs: gives brakes near the aperiodic limit
 CARRIED_KG = (1.0, 12.0)  # masses besides the endcap with which it is measured
-GRAVITY_M_S2 = 9.81  # with which bench/robot_model.csv was measured
 CREEP_N, CREEP_SHARE = 20.0, 0.5  # normal force, N, and part of the friction limit that pulls along the plane
 
 
@@ -101,7 +101,7 @@ class Rig:
             raise FileError(f"{path}: MuJoCo {mujoco.__version__} cannot read it ({said}): take version 4") from None
         self.data, self.name, self._travels = mujoco.MjData(self.model), name, travels
         self._mass_kg = float(self.model.body_mass.sum())
-        self.weight_n = (self._mass_kg - float(self.model.body(f"{name}_shell").mass[0])) * GRAVITY_M_S2
+        self.weight_n = (self._mass_kg - float(self.model.body(f"{name}_shell").mass[0])) * TABLE_G_M_S2
 
     def _mount(self, spec: Any, body: Any, carried_kg: float, travels: bool) -> None:
         sphere = spec.geom(f"{body.name}_sphere")
@@ -119,7 +119,7 @@ class Rig:
             name="ground", type=self._mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1],
             pos=list(centre + radius * self.outward), zaxis=list(-self.outward),
         )  # fmt: skip
-        spec.option.gravity = list(GRAVITY_M_S2 * self.outward)
+        spec.option.gravity = list(TABLE_G_M_S2 * self.outward)
 
     def ramp(self, top_n: float) -> Ramp:
         """Load the endcap slowly from zero to ``top_n``, N."""
@@ -129,7 +129,7 @@ class Rig:
             if k % SAMPLED_STEPS == 0:
                 rows.append(self._read())
         depth, normal, sensor, contact = (np.array(column) for column in zip(*rows, strict=True))
-        shell = self.model.body(f"{self.name}_shell").mass[0] * GRAVITY_M_S2 * self.outward
+        shell = self.model.body(f"{self.name}_shell").mass[0] * TABLE_G_M_S2 * self.outward
         return Ramp(depth, normal, sensor, contact, shell)
 
     def creep_mm_s(self) -> float:

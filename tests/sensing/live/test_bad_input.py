@@ -55,6 +55,8 @@ def refused(capsys, *arguments: str) -> str:
         ("--replay r.mcap --rate 60", "a recording holds its own"),
         ("--diameter 140 --wall 40", "nearest valid choice"),
         ("--camera 0 --speed 2", "--speed has no effect with --camera"),
+        ("--camera 0 --speed 0", "--speed has no effect with --camera"),
+        ("--replay r.mcap --check --port 0", "--port has no effect with --check"),
         ("--url http://127.0.0.1:1/ --exposure 3", "--exposure has no effect with --url"),
         ("--photos d --no-page --port 80", "--port has no effect with --no-page"),
         ("--replay r.mcap --check --record", "--record has no effect with --check"),
@@ -103,6 +105,15 @@ def test_a_setting_that_the_source_would_ignore_is_refused(tmp_path, source, set
     word = source if source.startswith("scene") else str(tmp_path / source)
     with pytest.raises(ParameterError, match=f"^{setting} of a has no effect on {word}: leave it out"):
         open_feed(EndcapConfig("a", word, **{setting: 5.0}))
+
+
+def test_a_speed_that_no_source_of_a_configuration_has_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sensing.live.open_endcaps.load_model", lambda *_: stand_in())
+    path = tmp_path / "e.toml"
+    path.write_text(CAP.replace('"0"', '"http://127.0.0.1:1/"'))
+    for speed in ("0", "2"):
+        said = refused(capsys, "--config", str(path), "--no-page", "--seconds", "0.1", "--speed", speed)
+        assert f"--speed {speed} has no effect: no source is a file" in said
 
 
 def test_a_method_that_is_left_empty_is_the_models_own(tmp_path):

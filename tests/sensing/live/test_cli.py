@@ -85,7 +85,7 @@ def test_what_corrects_the_forces_is_said_at_the_start_and_on_the_page(tmp_path,
         f'[[endcap]]\nname = "a"\nsource = "{photos(tmp_path)}"\ngain = 0.9\ngain_sd = 0.01\n'
         "relaxation = [[0.0625, 0.166, 0.01], [0.0419, 1.31, 0.004]]\n"
     )
-    assert main(["--config", str(path), "--no-page", "--speed", "0"]) == 0
+    assert main(["--config", str(path), "--no-page", "--speed", "1000"]) == 0
     out = capsys.readouterr().out
     assert "a: calibrated by weight: gain 0.900" in out
     assert "a: rate effects corrected: 6.2 % in 0.17 s, 4.2 % in 1.3 s" in out

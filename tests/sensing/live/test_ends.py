@@ -158,7 +158,7 @@ def test_a_camera_is_not_called_silent_because_outputs_take_their_time_to_close(
     stop, outputs, stream = Stop(), contextlib.ExitStack(), io.StringIO()
     outputs.callback(lambda: wait_for(lambda: endcap.feed.health.status == "silent"))  # a slow disk
     run.stop_when(lambda: endcap.feed.health.frames > 3)
-    run_until_stopped(run, stream, None, outputs, stop)
+    run_until_stopped(run, Lines(stream), None, outputs, stop)
     assert endcap.feed.health.status == "silent" and "silent" not in stream.getvalue()
 
 

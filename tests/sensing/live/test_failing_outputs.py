@@ -1,6 +1,7 @@
 """Outputs that raise: they are named with the error and removed; endcaps and other outputs go on."""
 
 import io
+from contextlib import ExitStack
 
 import pytest
 from live_stand_in import film, frames, pipeline, wait_for
@@ -11,8 +12,10 @@ from sensing.live.core.engine import LiveEndcap
 from sensing.live.core.feed import FileFeed, Pace
 from sensing.live.core.state import Condition, State
 from sensing.live.core.stats import EndcapStats
+from sensing.live.ending import Stop
 from sensing.live.outputs.beat import Beat
 from sensing.live.outputs.json_lines import JsonLines
+from sensing.live.outputs.lines import Lines
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.sources.newest import Health
 
@@ -54,7 +57,7 @@ def test_an_output_that_raises_is_named_and_the_others_go_on(rest, workers):
     bad, good, stream = Raises(), Keeps(), io.StringIO()
     run.add_output(bad, "--output bad")
     run.add_output(good, "--output good")
-    run_until_stopped(run, stream)
+    run_until_stopped(run, Lines(stream), None, ExitStack(), Stop())
     said = "--output bad: stopped (ZeroDivisionError: planted)"
     assert bad.given < 2 * COUNT and sorted(good.got) == sorted(2 * list(range(COUNT)))
     assert [loss for each in run.losses if (loss := each())] == [said]

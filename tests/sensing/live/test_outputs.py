@@ -3,6 +3,7 @@
 import io
 import json
 from collections import deque
+from contextlib import ExitStack
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,9 @@ from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import plain
 from sensing.live.core.state import Condition, State
 from sensing.live.core.stats import EndcapStats
+from sensing.live.ending import Stop
 from sensing.live.outputs.json_lines import JsonLines
+from sensing.live.outputs.lines import Lines
 from sensing.live.outputs.terminal import Terminal, endcap_line, summary
 from sensing.live.run import LiveRun, run_until_stopped
 from sensing.records import Frame
@@ -110,5 +113,5 @@ def test_a_run_ends_with_its_sources_and_a_summary(press):
     config = LiveConfig((EndcapConfig("endcap_0", "test"),))
     run = LiveRun(config, [LiveEndcap(FileFeed(lambda: frames(press), Pace(0)), pipeline())])
     stream = io.StringIO()
-    run_until_stopped(run, stream)
+    run_until_stopped(run, Lines(stream), None, ExitStack(), Stop())
     assert f"{len(press)} frames" in stream.getvalue().splitlines()[-1]

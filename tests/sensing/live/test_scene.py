@@ -29,7 +29,7 @@ def film(tmp_path_factory):
         for name, ticks in {"REST": 24, "RAMP": 10, "HOLD": 16, "GAP": 8}.items():
             patch.setattr(robot_frames, name, ticks)
         made = robot_frames.load_film(folder)
-        patch.setattr(scene, "scene_film", lambda: made)
+        patch.setattr(scene, "scene_film", lambda *_: made)
         made.__dict__["folder"] = folder
         yield made
 

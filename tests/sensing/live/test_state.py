@@ -126,10 +126,10 @@ def test_the_docs_draw_the_machine():
 
 def test_the_reason_goes_with_the_state_and_never_outlives_it():
     machine = Machine()
-    assert machine.happened(Event.REFUSED, "0 dots found", 1.0).message == "0 dots found"
-    assert machine.happened(Event.COLLECTED, "leave it untouched", 2.0).message == "0 dots found"
-    good = machine.happened(Event.GOOD, "", 3.0)
-    assert good.message == "" and good.valid and good.since_s == 3.0
+    assert machine.happened(Event.REFUSED, "0 dots found").message == "0 dots found"
+    assert machine.happened(Event.COLLECTED, "leave it untouched").message == "0 dots found"
+    good = machine.happened(Event.GOOD, "")
+    assert good.message == "" and good.valid
 
 
 # --- pictures that show nothing --------------------------------------------------------------------------------
@@ -268,7 +268,7 @@ def test_another_size_is_a_state_that_ends_with_it(press):
     given[3:5] = [replace(frame, jpeg=small, size=(320, 240)) for frame in given[3:5]]
     for frame in given:
         pipe.update(frame)
-        states.append(machine.happened(*pipe.outcome, frame.time_s))
+        states.append(machine.happened(*pipe.outcome))
     assert [s.state for s in states[1:]] == [State.RUNNING] * 2 + [State.WRONG_SIZE] * 2 + [State.RUNNING]
     assert states[-1].message == ""
 

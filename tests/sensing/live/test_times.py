@@ -16,7 +16,7 @@ from sensing.live.core.feed import CameraFeed, Pace
 from sensing.live.core.measurement import Measurement
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import predicted
-from sensing.live.core.state import MEASURED, VALID, Event, Machine, State, next_state
+from sensing.live.core.state import MEASURED, VALID, Event, State, next_state
 from sensing.live.endcap import Endcap
 from sensing.records import Wrench
 from sensing.sources.newest import SourceError
@@ -75,14 +75,6 @@ def test_after_a_gap_no_force_is_expected():
     assert expected(0.0) is None
     smooth.update(Wrench(0.0, np.full(3, 7.0), np.zeros(3), "sphere", np.eye(6)))
     assert expected(0.4) == pytest.approx(np.full(3, 7.0)) and expected(0.6) is None
-
-
-def test_a_state_has_lasted_since_its_first_event():
-    machine = Machine()
-    begins = [
-        machine.happened(event, "", float(k)).since_s for k, event in enumerate([Event.GOOD] * 3 + [Event.UNSEEN] * 2)
-    ]
-    assert begins == [0.0, 0.0, 0.0, 3.0, 3.0]
 
 
 def test_a_place_of_contact_is_one_only_while_it_touches():

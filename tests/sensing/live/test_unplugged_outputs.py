@@ -33,7 +33,7 @@ def test_valid_says_false_while_a_camera_is_unplugged(monkeypatch):
     topics._writers["endcap_0"]["valid"] = SimpleNamespace(write=said.append)
     topics._writers["endcap_0"]["image/compressed"] = SimpleNamespace(get_matched_subscriptions=list)
     for event in (Event.GOOD, Event.LOST, Event.UNSEEN):  # a blind camera's frames say it themselves
-        endcap.machine.happened(event, "planted", time.monotonic())
+        endcap.machine.happened(event, "planted")
         topics._look()
     assert [message.cdr for message in said] == [ros.boolean(False)]
     topics.close(PATIENCE_S)

@@ -233,8 +233,10 @@ def test_a_port_that_no_unit_has_is_refused(port):
 
 
 def test_a_host_that_no_network_names_is_reported():
-    with pytest.raises(StreamError, match="check address and network"), NetFt("a." * 200):
+    stream = NetFt("a." * 200)
+    with pytest.raises(StreamError, match="check address and network"), stream:
         pass
+    assert stream._socket.fileno() == -1  # closed
 
 
 @pytest.mark.parametrize("text", ["\u0663", "nan", "1_0", "inf"])

@@ -125,11 +125,19 @@ def plugged(monkeypatch):
 def test_frames_keep_their_bytes_the_drivers_time_and_the_fixed_exposure(plugged):
     got = []
     with pytest.raises(SourceError, match="unplugged"):
-        for frame in CameraSource(CameraConfig(exposure=120, gain=3)):
+        for frame in CameraSource(CameraConfig(exposure=120)):
             got.append((frame, camera.time.monotonic() - frame.time_s))
     assert [f.sequence for f, _ in got] == [0, 1, 2]
-    assert all(f.jpeg[:2] == b"\xff\xd8" and f.size == (64, 48) and f.exposure == 120 and f.gain == 3 for f, _ in got)
+    assert all(f.jpeg[:2] == b"\xff\xd8" and f.size == (64, 48) and f.exposure == 120 for f, _ in got)
     assert [age for _, age in got] == pytest.approx([0.02] * 3)  # the driver's stamp, not the arrival
+
+
+@pytest.mark.parametrize("reported", [0.0, -1.0])
+def test_an_exposure_that_the_driver_does_not_say_is_none(plugged, monkeypatch, reported):
+    """A reference of such a camera said "exposure -1"."""
+    offered = Capture.get
+    monkeypatch.setattr(Capture, "get", lambda self, key: offered(self, key) or reported)
+    assert next(iter(CameraSource(CameraConfig()))).exposure is None
 
 
 @pytest.mark.parametrize("pixels", ["YUYV", "NV12"])

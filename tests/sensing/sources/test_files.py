@@ -2,6 +2,8 @@
 
 import os
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -13,12 +15,14 @@ from made_jpeg import jpeg
 from cad.errors import FileError
 from sensing import calibrate, zero
 from sensing.calibration.picture import read_image
-from sensing.decode import MOST_PIXELS, FrameError, decode_bgr, decode_file, decode_gray, picture_size
+from sensing.decode import MOST_PIXELS, FrameError, decode_bgr, decode_file, decode_gray, jpeg_size
 from sensing.field import main as field
 from sensing.simulator.render.cli import _read as render_read
 from sensing.sources.__main__ import main as sources
 from sensing.sources.choose import open_frames
 from sensing.sources.files import FolderSource, VideoSource, read_picture
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def png_head(width: int, height: int) -> bytes:
@@ -58,7 +62,7 @@ def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, 
 
 
 def test_the_size_of_a_jpeg_counts_too_and_what_opencv_refuses_is_no_picture(tmp_path):
-    assert picture_size(jpeg_of(640, 480)) == (640, 480) and picture_size(b"\xff\xd8") is None
+    assert jpeg_size(jpeg_of(640, 480)) == (640, 480) and jpeg_size(b"\xff\xd8") is None
     with pytest.raises(FileError, match="65000x65000 px"):
         decode_file("a.jpg", jpeg_of(65000, 65000))
     with pytest.raises(FileError, match="no picture that can be decoded"):
@@ -240,12 +244,22 @@ def test_a_file_of_several_pictures_is_refused_instead_of_losing_all_but_the_fir
                 read(several)
 
 
-def test_a_tiff_of_floats_is_refused_in_one_line(tmp_path, capfd):
-    path = tmp_path / "a.tif"
-    cv2.imwrite(str(path), np.zeros((48, 64, 3), np.float32))
-    with pytest.raises(FileError, match="none of 8 or 16 bits"):
-        read_picture(path)
-    assert capfd.readouterr().err == ""
+@pytest.mark.parametrize("command", [["sensing.sources", "check"], ["endcap", "doctor"]])
+def test_a_command_shows_none_of_the_lines_of_opencv_and_ffmpeg(tmp_path, command):
+    cv2.imwrite(str(tmp_path / "a.tif"), np.zeros((48, 64, 3), np.float32))
+    (tmp_path / "a.mp4").write_bytes(b"\0\0\0\x14ftypisom\0\0\0\0isom" + bytes(400))
+    for name, words in (("a.tif", "none of 8 or 16 bits"), ("a.mp4", "no video")):
+        run = [sys.executable, "-m", *command, str(tmp_path / name)]
+        done = subprocess.run(run, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 2 and words in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_program_that_reads_pictures_keeps_its_logs():
+    code = (
+        "import os, cv2; before = cv2.utils.logging.getLogLevel(), dict(os.environ); import sensing.sources.choose; "
+        "assert (cv2.utils.logging.getLogLevel(), dict(os.environ)) == before"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 @pytest.mark.parametrize(

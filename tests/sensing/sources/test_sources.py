@@ -117,7 +117,7 @@ def test_a_source_that_never_gives_a_whole_picture_does_not_start_for_ever(clock
         yield frames(1)[0]
         done.wait(PATIENCE_S)
 
-    with LiveSource(dripping, start_s=4.0) as live:
+    with LiveSource(dripping) as live:
         clock.now_s += 3.9
         assert live.health.status == "starting"
         clock.now_s += 0.2
@@ -168,16 +168,6 @@ def test_six_sources_side_by_side():
     finally:
         for live in lives:
             live.close()
-
-
-def test_file_source_ends():
-    with LiveSource(lambda: frames(3), length=10, reopen=False) as live:
-        wait_for(lambda: live.health.status == "ended")
-        assert (
-            live.health.frames == 3
-            and [f.sequence for f in (live.get(0), live.get(0), live.get(0))] == [0, 1, 2]
-            and live.get(0) is None
-        )
 
 
 # --- files ---------------------------------------------------------------------------------------------------
@@ -245,9 +235,9 @@ def test_driver_stamp_is_used_only_when_near_the_arrival():
 
 def test_driver_data_becomes_a_frame_either_way():
     data = jpeg(3)
-    packed = to_frame(np.frombuffer(data, np.uint8)[None], 1.0, 0, "c", 50.0, 2.0)
+    packed = to_frame(np.frombuffer(data, np.uint8)[None], 1.0, 0, "c", 50.0)
     assert packed.jpeg == data and packed.size == (64, 48) and packed.exposure == 50.0
-    assert to_frame(np.zeros((48, 64, 3), np.uint8), 1.0, 0, "c", None, None).image.shape == (48, 64, 3)
+    assert to_frame(np.zeros((48, 64, 3), np.uint8), 1.0, 0, "c", 50.0).image.shape == (48, 64, 3)
 
 
 def test_devices_are_listed_without_metadata_nodes(tmp_path):

@@ -139,6 +139,15 @@ def test_a_camera_s_device_is_no_film():
         next(film_readings(EndcapConfig("a", "0"), "/dev/null", None))
 
 
+def test_a_folder_whose_name_begins_like_an_address_is_a_film(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "http_presses"
+    folder.mkdir()
+    for number, jpeg in enumerate(film([0, 1.0])):
+        (folder / f"{number}.jpg").write_bytes(jpeg)
+    assert len(list(film_readings(EndcapConfig("a", "0"), folder.name, stand_in()))) == 2
+
+
 @pytest.mark.parametrize("error", [CutError("cut at byte 9"), DamagedError("damaged at byte 9")])
 def test_of_a_cut_recording_what_stands_before_is_weighed(monkeypatch, caplog, tmp_path, error):
     class Pipeline:

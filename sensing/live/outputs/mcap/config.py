@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import KEPT, OF_BEFORE, EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.core.seen import Pictures
+from sensing.user_folders import cache_folder
 
 METADATA = "endcap_live"
 FORMAT = 2
@@ -184,12 +184,14 @@ def _kept(path: Path, name: str, digest: str, data: bytes | None) -> Path:
         raise FileError(f"{path}: does not carry its {name}: the file is damaged")
     if hashlib.sha256(data).hexdigest() != digest:
         raise FileError(f"{path}: its {name} are not those that were recorded: the file is damaged")
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endcap-toolkit" / "recorded"
-    copy = folder / hashlib.sha256(data).hexdigest()
+    folder = cache_folder() / "recorded"
+    copy = folder / digest
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not copy.is_file() or copy.read_bytes() != data:
             replace_file(copy, data)
     except OSError as error:
-        raise FileError(f"{folder}: {error.strerror}: the recording's files are kept there") from None
+        raise FileError(
+            f"{folder}: {error.strerror}: the recording's files are kept there: set XDG_CACHE_HOME to a folder"
+        ) from None
     return copy

@@ -41,7 +41,7 @@ from sensing.live.outputs.mcap.tracks import (
 )
 from sensing.live.outputs.ros import types as ros
 from sensing.live.outputs.ros.frames import CamerasInUse
-from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, camera_info, endcap_wrench, transforms
+from sensing.live.outputs.ros.messages import LATCHED, STATIC, TRANSFORMS, camera_info, numbers_of, transforms
 from sensing.records import Frame
 
 ROOM = 512  # readings that the disk may be behind: three seconds of six cameras
@@ -154,20 +154,11 @@ class Recorder(QueuedSink):
         if (kept := reading.before.of_events) != self._kept.get(reading.endcap):
             self._kept[reading.endcap] = kept
             self._add(reading, "kept", ros.string(reading.before.text()), stamp)
-        norm = float((reading.wrench.force_n**2).sum() ** 0.5)
         self._add(reading, "image/capture_time", ros.float64(reading.frame.time_s), stamp)
         self._add_picture(reading, stamp)
         self._add(reading, "wrench/estimate", ros.wrench_stamped(reading.estimate, stamp, reading.endcap), stamp)
-        self._add(reading, "wrench/wrench_pred", ros.wrench_stamped(reading.wrench, stamp, reading.endcap), stamp)
-        self._add(reading, "wrench/with_covariance", endcap_wrench(reading, stamp), stamp)
-        self._add(reading, "wrench/force_norm", ros.float64(norm), stamp)
-        self._add(reading, "valid", ros.boolean(reading.valid), stamp)
-        self._add(reading, "flags", ros.string(", ".join(sorted(reading.wrench.flags))), stamp)
-        if reading.contact.known:
-            self._add(reading, "contact", ros.boolean(reading.contact.touching), stamp)
-        if reading.place.known:
-            place = ros.pose_stamped(reading.place, stamp, reading.endcap)
-            self._add(reading, "contact_place", place, stamp)
+        for topic, data in numbers_of(reading, stamp):
+            self._add(reading, topic, data, stamp)
         self._write_notes()
         self._diagnose(reading.ready_s, stamp)
         self.frames += 1
@@ -283,7 +274,7 @@ class Recorder(QueuedSink):
         self._writer.add_message(channel, stamp, data, stamp, reading.frame.sequence % 2**32)
         self._bytes += len(data)
 
-    def _channel(self, topic: str, kind: str, about: dict[str, str] | None = None) -> None:
+    def _channel(self, topic: str, kind: str, settings: dict[str, str] | None = None) -> None:
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", ros.definition(kind).encode())
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about or {})
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], settings or {})

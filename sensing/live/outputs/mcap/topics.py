@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sensing.live.outputs.ros import types as ros
-from sensing.live.outputs.ros.messages import CAMERA_INFO
+from sensing.live.outputs.ros.messages import CAMERA_INFO, NUMBERS
 
 TOPICS: dict[str, str] = {  # below the name of the endcap
     "image/compressed": ros.IMAGE,
@@ -14,11 +14,5 @@ TOPICS: dict[str, str] = {  # below the name of the endcap
     "kept": ros.STRING,
     "array/shear_vector": ros.ARRAY,
     "wrench/estimate": ros.WRENCH,
-    "wrench/wrench_pred": ros.WRENCH,
-    "wrench/with_covariance": ros.ENDCAP_WRENCH,
-    "wrench/force_norm": ros.FLOAT64,
-    "contact": ros.BOOL,
-    "contact_place": ros.POSE,
-    "valid": ros.BOOL,
-    "flags": ros.STRING,
+    **NUMBERS,
 }

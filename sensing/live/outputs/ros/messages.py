@@ -1,11 +1,11 @@
-"""The messages that only topics have, as bytes: wrench with covariance, camera, transforms, answers of the service.
+"""Messages of topics and recordings as bytes: numbers of a reading, camera, transforms, answers of the service.
 
 Lengths go out in m as ROS has them; in here they are mm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,15 @@ LATCHED = {
 TRIGGER_REQUEST, TRIGGER_REPLY = "std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"
 _ASKER = "uint64 guid\nint64 seq\n"  # Cyclone's ROS layer puts the client's id before each request and reply
 CONTACT_UNKNOWN, CONTACT_FREE, CONTACT_TOUCHING = 0, 1, 2
+NUMBERS: dict[str, str] = {  # topics of a reading's numbers, below the name of the endcap, with their types
+    "wrench/wrench_pred": ros.WRENCH,
+    "wrench/with_covariance": ros.ENDCAP_WRENCH,
+    "wrench/force_norm": ros.FLOAT64,
+    "contact": ros.BOOL,
+    "contact_place": ros.POSE,
+    "valid": ros.BOOL,
+    "flags": ros.STRING,
+}
 
 
 @lru_cache(maxsize=1)
@@ -42,6 +51,20 @@ def register_trigger() -> None:
     request, reply = _ASKER + "uint8 structure_needs_at_least_one_member\n", _ASKER + "bool success\nstring message\n"
     for name, text in ((TRIGGER_REQUEST, request), (TRIGGER_REPLY, reply)):
         ros.typestore().register({name: next(iter(get_types_from_msg(text, name).values()))})  # it renames services
+
+
+def numbers_of(reading: EndcapReading, stamp_ns: int) -> Iterator[tuple[str, bytes]]:
+    """(topic of :data:`NUMBERS`, message) of a reading; ``stamp_ns`` is wall time."""
+    name, wrench = reading.endcap, reading.wrench
+    yield "wrench/wrench_pred", ros.wrench_stamped(wrench, stamp_ns, name)
+    yield "wrench/with_covariance", endcap_wrench(reading, stamp_ns)
+    yield "wrench/force_norm", ros.float64(float((wrench.force_n**2).sum() ** 0.5))
+    yield "valid", ros.boolean(reading.valid)
+    yield "flags", ros.string(", ".join(sorted(wrench.flags)))
+    if reading.contact.known:
+        yield "contact", ros.boolean(reading.contact.touching)
+    if reading.place.known:
+        yield "contact_place", ros.pose_stamped(reading.place, stamp_ns, name)
 
 
 def endcap_wrench(reading: EndcapReading, stamp_ns: int) -> bytes:

@@ -5,6 +5,7 @@
     /endcap_N/wrench/force_norm       std_msgs/Float64               N
     /endcap_N/array/shear_vector      std_msgs/Float32MultiArray     (channel, row, column), px of the 200 x 200 crop
     /endcap_N/contact                 std_msgs/Bool                  only while it is known
+    /endcap_N/contact_place           geometry_msgs/PoseWithCovarianceStamped, of a plane that touches; only while known
     /endcap_N/valid                   std_msgs/Bool                  whether the numbers of this frame count
     /endcap_N/flags                   std_msgs/String                warnings, separated by commas
     /endcap_N/image/compressed        sensor_msgs/CompressedImage    JPEG as it came; while somebody subscribes
@@ -30,8 +31,6 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from cad.errors import ParameterError
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.reading import EndcapReading
@@ -54,14 +53,8 @@ ROOM = 64
 BEAT_S = 0.5
 IMAGE_TOPIC = "image/compressed"
 TOPICS: dict[str, str] = {  # below an endcap's name
-    "wrench/wrench_pred": ros.WRENCH,
-    "wrench/with_covariance": ros.ENDCAP_WRENCH,
-    "wrench/force_norm": ros.FLOAT64,
+    **messages.NUMBERS,
     "array/shear_vector": ros.ARRAY,
-    "contact": ros.BOOL,
-    "contact_place": ros.POSE,
-    "valid": ros.BOOL,
-    "flags": ros.STRING,
     IMAGE_TOPIC: ros.IMAGE,
     "camera_info": messages.CAMERA_INFO,
 }
@@ -152,16 +145,8 @@ class RosTopics(QueuedSink):
 
     def _encoded(self, reading: EndcapReading, stamp: int) -> Iterator[tuple[str, bytes]]:
         """(topic, bytes) of a reading."""
-        name, wrench = reading.endcap, reading.wrench
-        yield "wrench/wrench_pred", ros.wrench_stamped(wrench, stamp, name)
-        yield "wrench/with_covariance", messages.endcap_wrench(reading, stamp)
-        yield "wrench/force_norm", ros.float64(float(np.linalg.norm(wrench.force_n)))
-        yield "valid", ros.boolean(reading.valid)
-        yield "flags", ros.string(", ".join(sorted(wrench.flags)))
-        if reading.contact.known:
-            yield "contact", ros.boolean(reading.contact.touching)
-        if reading.place.known:
-            yield "contact_place", ros.pose_stamped(reading.place, stamp, name)
+        name = reading.endcap
+        yield from messages.numbers_of(reading, stamp)
         yield "array/shear_vector", ros.shear_vector(reading.field)
         pictured = reading.frame.jpeg is not None or reading.frame.image is not None  # not so of dots alone
         if self._looked_at[name] and pictured:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import locale
 import os
 import shlex
 import signal
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,6 +135,7 @@ class Command:
         words = [*arguments.options, *unknown]
         if arguments.from_make:
             words += make_variables(os.environ.get("MAKEFLAGS", ""))
+        _utf8_names()
         interrupts = Interrupts()
         with interrupts.handling():
             try:
@@ -162,6 +165,16 @@ class Command:
             interrupts.raise_swallowed()  # the signal may have ended a worker or closed a file
             LOG.error(f"{self.name}: {error}")
             return 2
+
+
+def _utf8_names() -> None:
+    """Have libraries read names of files as UTF-8 wherever Python does.
+
+    Under LC_ALL=C pymeshlab, in a folder with an umlaut, would find none of its filters.
+    """
+    if sys.flags.utf8_mode:
+        with suppress(locale.Error):  # a system without this locale
+            locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
 
 
 def ending_words(number: int) -> str:

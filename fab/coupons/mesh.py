@@ -56,7 +56,7 @@ def with_gyroid(block: trimesh.Trimesh, zone: Box, step_mm: float = STEP_MM) -> 
     points, distance = _sampled(zone, period, step_mm)
     body, wall = to_manifold(block), WALL_MM
     for _ in range(TRIALS):
-        whole = _standing(body, zone, _sheet(points, distance, wall, zone, step_mm))
+        whole = _standing(body, _sheet(points, distance, wall, zone, step_mm))
         density = (whole.volume() - body.volume()) / _volume(zone)
         if abs(density / RELEASED_GYROID - 1) < DENSITY_TOLERANCE:
             return from_manifold(whole), wall
@@ -90,7 +90,7 @@ def _side(low: np.ndarray, distance: np.ndarray, level: float, step: float) -> m
     return to_manifold(mesh if mesh.volume > 0 else weld(mesh.vertices, mesh.faces[:, ::-1]))
 
 
-def _standing(block: manifold3d.Manifold, zone: Box, sheet: manifold3d.Manifold) -> manifold3d.Manifold:
+def _standing(block: manifold3d.Manifold, sheet: manifold3d.Manifold) -> manifold3d.Manifold:
     """Union of block and sheet without pieces that are not connected to the block."""
     return max((block + sheet).decompose(), key=lambda part: part.volume())
 

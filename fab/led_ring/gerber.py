@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cad.errors import FileError
 from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
-from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
+from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad, polygons
 from fab.led_ring.silk import silk_shape
 
 OUTLINE_MM = 0.1  # width of the line that draws the board's edge
@@ -164,17 +164,6 @@ def _unholed(polygon: Polygon) -> Iterable[Polygon]:
     for half in (box(left, low, x + _OVERLAP_MM, high), box(x, low, right, high)):
         for piece in polygons(polygon & half):
             yield from _unholed(piece)
-
-
-def polygons(shape: BaseGeometry) -> list[Polygon]:
-    """The polygons of a shape, without lines and points.
-
-    Args:
-        shape: any geometry.
-    """
-    if isinstance(shape, Polygon):
-        return [shape] if not shape.is_empty else []
-    return [part for part in getattr(shape, "geoms", []) if isinstance(part, Polygon)]
 
 
 def _land(pad: Pad, growth: float) -> Region:

@@ -66,11 +66,6 @@ class Interrupts:
     def __init__(self) -> None:
         self.signal: int | None = None
 
-    @property
-    def came(self) -> bool:
-        """Whether a signal was received."""
-        return self.signal is not None
-
     @contextmanager
     def handling(self) -> Iterator[None]:
         """Handle the ending signals inside this context, except those that nohup or a shell ignores."""
@@ -84,7 +79,7 @@ class Interrupts:
 
     def raise_swallowed(self) -> None:
         """Raise KeyboardInterrupt if a signal was received; a library may have swallowed its exception in an import."""
-        if self.came:
+        if self.signal is not None:
             raise KeyboardInterrupt
 
     def _handle(self, number: int, _: object) -> None:

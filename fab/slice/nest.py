@@ -123,9 +123,7 @@ def _turned_mask(rings: Sequence[np.ndarray], degrees: float, widen_mm: float) -
     return binary_dilation(np.asarray(picture), disc), low * PIXEL_MM
 
 
-def _first_place(
-    rings: Sequence[np.ndarray], brim_mm: float, taken: np.ndarray
-) -> tuple[float, float, float] | None:
+def _first_place(rings: Sequence[np.ndarray], brim_mm: float, taken: np.ndarray) -> tuple[float, float, float] | None:
     """(turn, x, y) of the lowest free place over all turns; ``None`` where there is none."""
     best: tuple[float, tuple[float, float, float]] | None = None
     for degrees in np.arange(0.0, 360.0, TURN_STEP_DEG):

@@ -111,8 +111,8 @@ def make_ring(
             *schematic_checks(folder / "led_ring.kicad_sch", folder / "led_ring.kicad_pcb", count),
         ]
         require_passed(checks, "of the ring")
-        (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))
-        (folder / "led_ring-placement.csv").write_text(placement_csv(count))
+        (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)), encoding="utf-8")
+        (folder / "led_ring-placement.csv").write_text(placement_csv(count), encoding="utf-8")
         draw_board(layers, holes, places, folder / "led_ring.png")
         draw_light(light, f"{_size_words(params)}, {count} LEDs", folder / "led_ring-light.png")
         write_record(folder, RECORD, ring_report(driver, params, checks))

@@ -45,12 +45,11 @@ DRILL = "drill_plated"
 SIDES = {"top": "F", "bottom": "B"}
 
 
-def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
+def board_files(copper: Copper) -> dict[str, bytes]:
     """Fabrication files by name: ``led_ring-F_Cu.gbr`` and so on, and ``led_ring-drill_plated.drl``.
 
     Args:
         copper: of the board.
-        stem: first part of the names.
     """
     objects: dict[str, list[object]] = {name: [] for name in LAYERS}
     objects["B_Cu"] += regions(copper.plane)
@@ -74,10 +73,10 @@ def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
     files = {}
     for name, function in LAYERS.items():
         layer = GerberFile(objects=objects[name], file_attrs={".FileFunction": tuple(function.split(","))})
-        files[f"{stem}-{name}.gbr"] = _repaired(layer.write_to_bytes())
+        files[f"led_ring-{name}.gbr"] = _repaired(layer.write_to_bytes())
     tool = ExcellonTool(VIA_DRILL_MM, plated=True, unit=MM)
     drill = ExcellonFile(objects=[Flash(*via.centre, tool, unit=MM) for via in copper.vias])
-    files[f"{stem}-{DRILL}.drl"] = drill.write_to_bytes()
+    files[f"led_ring-{DRILL}.drl"] = drill.write_to_bytes()
     return files
 
 

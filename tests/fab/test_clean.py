@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
 
 from cad.whole_file import lock_if_free
 from fab import clean
+from fab.cache import ROOT
 from fab.exports.whole_folder import whole_folder, write_record
+
+
+def test_the_record_of_every_command_is_known():
+    sources = [path.read_text(encoding="utf-8") for name in ("fab", "endcap") for path in (ROOT / name).rglob("*.py")]
+    named = {name for text in sources for name in re.findall(r'^RECORD = "(.+)"$', text, re.MULTILINE)}
+    assert named == set(clean.RECORDS)
 
 
 @pytest.fixture

@@ -21,6 +21,15 @@ def test_the_record_of_every_command_is_known():
     assert named == set(clean.RECORDS)
 
 
+def test_an_interruption_is_one_line(tmp_path, monkeypatch, capsys):
+    def interrupted(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(clean, "remove_partial", interrupted)
+    assert clean.main(["--exports", str(tmp_path)]) == 130
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 @pytest.fixture
 def exports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An export with slices and a note, a data set, weights, a recording, a dead run, and the folder's README."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import os
 import shutil
@@ -75,6 +76,15 @@ def test_what_was_used_longest_ago_goes_first_and_the_size_is_bounded(cache, tmp
     assert restored(cache, tmp_path, "b") is None
     assert all(restored(cache, tmp_path, key) is not None for key in "acd")
     assert sum(path.stat().st_size for path in (cache.folder / "files").iterdir()) <= 1000
+
+
+def test_a_file_system_without_locks_has_a_cache_too(cache, tmp_path, monkeypatch):
+    def no_lock(*_: object) -> None:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.setattr(module.fcntl, "flock", no_lock)
+    stored(cache, tmp_path, "a", base="solid")
+    assert restored(cache, tmp_path, "a") == {"base": "solid"}
 
 
 def test_processes_that_keep_at_once_lose_nothing_of_each_other(cache, tmp_path, monkeypatch):

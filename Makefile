@@ -124,14 +124,17 @@ QUICK := $(addprefix tests/,test_architecture.py test_words.py test_provenance.p
   test_cache.py led_ring/test_driver.py) $(addprefix sensing/,test_frames.py test_records.py test_records_labelled.py \
   camera sources wrench/test_contact.py wrench/test_filter.py wrench/test_quantiles.py wrench/test_model.py \
   tracking/test_nearest.py tracking/test_dots.py tracking/test_zero.py))
+define LINT
+@$(BIN)/ruff check .
+@$(BIN)/ruff format --check .
+endef
+
 quick: $(VENV)/all.stamp ## lint, architecture and the quick tests, in about a minute
-	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
-	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
+	$(LINT)
 	@$(BIN)/python -m pytest -n 2 --dist loadfile $(QUICK)
 
 check: $(VENV)/all.stamp ## lint and types
-	@$(BIN)/ruff check cad endcap fab sensing tests bench scripts
-	@$(BIN)/ruff format --check cad endcap fab sensing tests bench scripts
+	$(LINT)
 	@$(BIN)/mypy
 
 # Without --quiet: it would hide the warnings that --strict counts.

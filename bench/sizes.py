@@ -44,8 +44,11 @@ CODE = (
     *("cad/**/*.py", "cad/*.csv", "fab/design.py", "fab/meshing/*.py", "fab/checks/*.py", "fab/steps/*.py"),
     *("fab/packed.py", "fab/bom.py", "fab/exports/writer.py"),
 )
-# How files get their names, workers and commands end, and lines are printed; not what is in a file.
-NOT_OF_THEM = ("cad/typed_folder.py", "cad/whole_file.py", "cad/pools.py", "cad/messages.py", "cad/extras.py")
+# How files get their names, workers and commands end, and lines are printed; prices; not what is in a file.
+NOT_OF_THEM = (
+    *("cad/typed_folder.py", "cad/whole_file.py", "cad/pools.py", "cad/messages.py", "cad/extras.py"),
+    *("cad/silicone_kits.py", "cad/silicone_kits.csv"),
+)
 
 # Checks whose value changes from size to size, as the last word of their names: how much of the limit each has used.
 WATCHED = (

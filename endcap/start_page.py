@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
 from cad.design_arguments import design_words
 from cad.materials import DEFAULT_SILICONE
@@ -69,7 +71,7 @@ def write_page(variant: Variant, exports: Path, printer: str, skipped: Sequence[
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{STYLE}</style></head><body><main>{body}</main></body></html>\n"
     )
-    replace_file(folder / PAGE, page.encode())
+    replace_file(folder / PAGE, page.encode(errors="replace"))  # a file of one's own may have a name that is no UTF-8
 
 
 def _checks(folder: Path) -> str:
@@ -125,6 +127,6 @@ def _files(folder: Path) -> str:
             ring = "of the LED ring" if top.startswith("led_ring") else ""
             meaning = MEANINGS.get(name) or ring or BY_FOLDER.get(top) or BY_ENDING.get(path.suffix, "")
             size = f"{max(1, round(path.stat().st_size / 1000))} kB"
-            link = f'<a href="{escape(name)}">{escape(name)}</a>'
+            link = f'<a href="{quote(os.fsencode(name))}">{escape(name)}</a>'
             rows.append(f"<tr><td>{link}</td><td>{escape(meaning)}</td><td>{size}</td></tr>")
     return "".join(rows)

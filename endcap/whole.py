@@ -18,7 +18,7 @@ from pathlib import Path
 from cad.design_arguments import design_words
 from cad.errors import EndcapError
 from cad.messages import LOG, show
-from cad.options import FROM_MAKE, MAKES_OWN, make_variables, named_as_typed, parse_options
+from cad.options import FROM_MAKE, make_variables, named_as_typed, parse_options
 from cad.typed_folder import typed_folder
 from endcap.start_page import PAGE, write_page
 from fab.command import VARIANT_DEFAULTS, Interrupts, ending_words, parse_variant
@@ -133,7 +133,7 @@ def parsed(words: Sequence[str]) -> Wanted:
         typed.remove(FROM_MAKE)
         typed += make_variables(os.environ.get("MAKEFLAGS", ""))
     with named_as_typed():
-        options = parse_options([word for word in typed if word.partition("=")[0] not in MAKES_OWN], OPTIONS)
+        options = parse_options(typed, OPTIONS)
     variant = parse_variant(options)
     require_pot_life(variant.layout, closed_cast_mm3(variant.params))  # else the sheet refuses it after all the slices
     return Wanted(variant, typed_folder(options["exports"]), options["printer"])

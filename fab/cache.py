@@ -7,6 +7,7 @@ checked when they are read: a damaged file counts as missing and is made again. 
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -14,8 +15,8 @@ import platform
 import re
 import shutil
 import tomllib
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import metadata
@@ -165,14 +166,15 @@ class Cache:
             values: content that JSON can represent.
         """
         try:
-            digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-            for name, data in files.items():
-                blob = self._blob(digests[name])
-                if not (blob.exists() and blob.read_bytes() == data):  # replaces a damaged one
-                    _write(blob, data)
-            content = {"files": digests, "values": dict(values)}
-            _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
-            self._trim()
+            with self._alone():
+                digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+                for name, data in files.items():
+                    blob = self._blob(digests[name])
+                    if not (blob.exists() and blob.read_bytes() == data):  # replaces a damaged one
+                        _write(blob, data)
+                content = {"files": digests, "values": dict(values)}
+                _write(self._entry(key), json.dumps({"digest": _digest(content), "content": content}).encode())
+                self._trim()
         except OSError:
             return  # a full disk, or a home that cannot be written: the next run works without
 
@@ -190,6 +192,18 @@ class Cache:
         except OSError:
             return
         self.keep(key, files, values)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Context of one process at a time: another one's trimming would remove files that no entry names yet."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(lock)
 
     def _trim(self) -> None:
         """Remove the least recently used entries until the rest is small enough, and files that no entry names."""

@@ -37,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:  # not ours to remove, a disk that can only be read
         LOG.error(f"make clean: {error.filename}: {error.strerror}: it stays, and what would have come after it")
         return 2
+    except KeyboardInterrupt:
+        LOG.error("make clean: interrupted; what it has not removed yet stays")
+        return 130
 
 
 def _clean(exports: Path) -> int:

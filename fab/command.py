@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import locale
 import os
 import shlex
 import signal
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,11 +66,6 @@ class Interrupts:
     def __init__(self) -> None:
         self.signal: int | None = None
 
-    @property
-    def came(self) -> bool:
-        """Whether a signal was received."""
-        return self.signal is not None
-
     @contextmanager
     def handling(self) -> Iterator[None]:
         """Handle the ending signals inside this context, except those that nohup or a shell ignores."""
@@ -82,7 +79,7 @@ class Interrupts:
 
     def raise_swallowed(self) -> None:
         """Raise KeyboardInterrupt if a signal was received; a library may have swallowed its exception in an import."""
-        if self.came:
+        if self.signal is not None:
             raise KeyboardInterrupt
 
     def _handle(self, number: int, _: object) -> None:
@@ -133,6 +130,7 @@ class Command:
         words = [*arguments.options, *unknown]
         if arguments.from_make:
             words += make_variables(os.environ.get("MAKEFLAGS", ""))
+        _utf8_names()
         interrupts = Interrupts()
         with interrupts.handling():
             try:
@@ -162,6 +160,16 @@ class Command:
             interrupts.raise_swallowed()  # the signal may have ended a worker or closed a file
             LOG.error(f"{self.name}: {error}")
             return 2
+
+
+def _utf8_names() -> None:
+    """Have libraries read names of files as UTF-8 wherever Python does.
+
+    Under LC_ALL=C pymeshlab, in a folder with an umlaut, would find none of its filters.
+    """
+    if sys.flags.utf8_mode:
+        with suppress(locale.Error):  # a system without this locale
+            locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
 
 
 def ending_words(number: int) -> str:

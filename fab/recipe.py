@@ -152,16 +152,13 @@ class Recipe:
         return {"material": self.silicone.name, "mix_ratio": self.silicone.mix_ratio, **rounded, "timeline": steps}
 
 
-def recipe(
-    cast_volume_mm3: float, overflow: Overflow, material: str = DEFAULT_SILICONE, surplus: float | None = None
-) -> Recipe:
-    """Recipe for one cast.
+def recipe(cast_volume_mm3: float, overflow: Overflow, material: str = DEFAULT_SILICONE) -> Recipe:
+    """Recipe for one cast: ``SURPLUS`` over the cast's own mass is mixed, more where that pours too little.
 
     Args:
         cast_volume_mm3: volume of the shell's mesh.
         overflow: volumes of the silicone beyond the cast (:func:`overflow_of`).
         material: a name in ``cad/materials.csv``.
-        surplus: share mixed over the cast's own mass; by default ``SURPLUS``, more where that pours too little.
 
     Raises:
         ParameterError: an unknown material.
@@ -170,9 +167,8 @@ def recipe(
     row = silicone(material)
     expected = cast_volume_mm3 * row.density_g_cm3 / 1000
     part_a, part_b = mix_parts(row.mix_ratio)
-    if surplus is None:
-        beyond = _beyond_mm3(overflow, 1000 / row.density_g_cm3)
-        surplus = max(SURPLUS, (beyond + LEAST_LEFT_MM3) / cast_volume_mm3)
+    beyond = _beyond_mm3(overflow, 1000 / row.density_g_cm3)
+    surplus = max(SURPLUS, (beyond + LEAST_LEFT_MM3) / cast_volume_mm3)
     total = expected * (1 + surplus)
     return Recipe(
         row,

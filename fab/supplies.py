@@ -17,14 +17,14 @@ from cad.lens import camera_module
 from cad.materials import silicones
 from cad.mold.layout import MoldLayout
 from cad.robot_sides import DEFAULT_ROBOT, robot_side
+from cad.silicone_kits import silicone_kits
 from fab.lift import lift_kg
 from fab.recipe import Recipe
 from fab.slice.filaments import filament
 from fab.steps.mold import core_passes_gyroid
 
 TABLE = Path(__file__).with_name("supplies.csv")
-KINDS = ("part", "consumable", "tool", "silicone")
-KIT_UNIT = "g"  # of the amount of a silicone
+KINDS = ("part", "consumable", "tool")
 CUP_TIMES = 5  # E: volume of the foam during degassing, over that of the mix
 STIR_TIMES = 2  # E: of the volume, where nothing foams: room to stir
 DEGAS_USE = "degas"  # of rows that are needed only where the pot life leaves time to degas
@@ -49,10 +49,10 @@ class Supply:
     """One row.
 
     Attributes:
-        name: of the item; of a silicone, its name in ``cad/materials.csv``.
+        name: of the item.
         kind: one of ``KINDS``.
         order_as: what to order; the blanks of :func:`supply_lines` are filled in, such as ``{cup_ml}``.
-        amount: how much, in ``unit``; of a silicone, what one kit weighs (g).
+        amount: how much, in ``unit``.
         unit: of the amount.
         use: its purpose; the same blanks are filled in.
         price_usd: of the amount; ``None`` for tools that a workshop has.
@@ -104,7 +104,7 @@ def supply_lines(mix: Recipe, layout: MoldLayout, robot: str = DEFAULT_ROBOT) ->
             filled(row.order_as), row.kind, spool_usd(row.name),
         )
         for row in supplies().values()
-        if row.kind != "silicone" and not is_left_out.get(row.use, False)
+        if not is_left_out.get(row.use, False)
     ]  # fmt: skip
 
 
@@ -210,21 +210,20 @@ def silicone_line(mix: Recipe) -> BomLine:
     """
     grams = round(mix.part_a_g + mix.part_b_g, 1)
     item = f"{mix.silicone.name}: {mix.part_a_g:.1f} g A, {mix.part_b_g:.1f} g B"
-    kit = supplies().get(mix.silicone.name)
+    kit = silicone_kits().get(mix.silicone.name)
     if kit is None:
         return BomLine(item, grams, "g", "shell", "cast", None, "E", _kit_missing(mix.silicone.name), "silicone")
-    count = kit_count(grams, kit.amount)
-    order = f"{count} x {kit.order_as} ({kit.amount:g} g)"
+    count = kit_count(grams, kit.amount_g)
+    order = f"{count} x {kit.order_as} ({kit.amount_g:g} g)"
     price = None if kit.price_usd is None else count * kit.price_usd
-    return BomLine(item, grams, "g", "shell", "cast", price, kit.letter, order, "silicone")
+    return BomLine(item, grams, "g", "shell", "cast", price, kit.provenance[:1], order, "silicone")
 
 
 def _kit_missing(name: str) -> str:
     """What the bill says instead of an order; a kit under a name that differs a little is named."""
-    kits = [row.name for row in supplies().values() if row.kind == "silicone"]
-    near = next(iter(difflib.get_close_matches(name, [kit for kit in kits if kit not in silicones()])), "")
+    near = next(iter(difflib.get_close_matches(name, [kit for kit in silicone_kits() if kit not in silicones()])), "")
     wrong = f"; its row {near!r} is of no silicone of cad/materials.csv" if near else ""
-    return f"add its kit to fab/supplies.csv under the name {name!r}{wrong}"
+    return f"add its kit to cad/silicone_kits.csv under the name {name!r}{wrong}"
 
 
 def bag_size(count: int) -> int:
@@ -268,11 +267,8 @@ def filament_item(plastic: str) -> str:
 
 def _supply(row: dict[str, str]) -> Supply:
     if row["kind"] not in KINDS:
-        raise ValueError(f"kind={row['kind']!r} is none of {', '.join(KINDS)}")
+        kit = "; the kit of a silicone is a row of cad/silicone_kits.csv" if row["kind"] == "silicone" else ""
+        raise ValueError(f"kind={row['kind']!r} is none of {', '.join(KINDS)}{kit}")
     price = positive(row, "price_usd") if row["price_usd"] else None
     amount = positive(row, "amount")
-    if row["kind"] == "silicone" and row["unit"] != KIT_UNIT:
-        raise ValueError(
-            f"unit={row['unit']!r}: the amount of a silicone is what one kit weighs, in {KIT_UNIT}: 1 kg is 1000"
-        )
     return Supply(row["name"], row["kind"], row["order_as"], amount, row["unit"], row["use"], price, row["provenance"])

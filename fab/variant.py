@@ -76,7 +76,7 @@ class Variant:
     @property
     def words(self) -> str:
         """The options that name this variant on a command line."""
-        words = [f"D={plain(self.params.diameter_mm)}", f"T={plain(self.params.wall_mm)}"]
+        words = [size_words(self.params)]
         words += [f"{name}={value}" for name, value in self.params.option_words.items()]
         if self.layout.joint_clearance_mm != JOINT_CLEARANCE_MM:
             words.append(f"joint_clearance={plain(self.layout.joint_clearance_mm)}")
@@ -93,6 +93,11 @@ class Variant:
             target: of make.
         """
         return f"{camera_setting()}make {target} {self.words}"
+
+
+def size_words(params: EndcapParams) -> str:
+    """The options of diameter and wall: ``D=130 T=8``."""
+    return f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
 
 
 def coupons_command(silicone: str) -> str:

@@ -105,9 +105,7 @@ class Tab:
             f"document.addEventListener('{event}', look); setTimeout(() => late('never came to: ' + "
             f"{json.dumps(script)}), {1000 * patience_s:g}); look(); }})"
         )
-        answer = self.call("Runtime.evaluate", expression=wait, awaitPromise=True, returnByValue=True)
-        assert "exceptionDetails" not in answer, answer["result"]
-        return answer["result"].get("value")
+        return self.promised(wait)
 
     def until(self, condition: str, script: str = "true", patience_s: float = PATIENCE_S) -> Any:
         """Wait until a script gives a true value; returns what another one gives at that same moment."""

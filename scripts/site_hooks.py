@@ -18,9 +18,8 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).resolve().parent.parent
 CURVES = (".png", ".csv", ".jpg")
 LOADED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*\b(?:src|href)=[\"']?(?:https?:)?//[^\"' >]+", re.I)
-ROLE = re.compile(
-    r":(?:mod|class|func|meth|data|attr|exc):(?=<code>)"
-)  # docstrings are plain text, with Sphinx's roles
+ROLE = re.compile(r":(?:mod|class|func|meth|data|attr|exc):(?=<code>)")  # docstrings keep Sphinx's roles as text
+COPIED = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}  # of the repository -> on the site
 NOTEBOOK = re.compile(r"(\]\([^)\s:]+)\.ipynb(#[^)]*)?\)")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(((?:\.\./)+)([^)#]*)(#[^)]*)?\)")
 
@@ -30,10 +29,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in sorted(ROOT.glob("bench/*")):
         if path.suffix in CURVES:
             files.append(File.generated(config, f"bench/{path.name}", abs_src_path=str(path)))
-    for name, target in (("CONTRIBUTING.md", "contributing.md"), ("CHANGELOG.md", "changelog.md")):
-        if (ROOT / name).exists():
-            text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
-            files.append(File.generated(config, target, content=text))
+    for name, target in COPIED.items():
+        text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+        files.append(File.generated(config, target, content=text))
     for path in sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")):
         page = notebook_page(json.loads(path.read_text(encoding="utf-8")))
         files.append(File.generated(config, f"tutorials/{path.stem}.md", content=page))
@@ -52,7 +50,7 @@ def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
         picture, text, ups, target, anchor = found.groups()
         if ups.count("/") <= depth:
             return found.group()
-        inside = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}.get(target, target)
+        inside = COPIED.get(target, target)
         if files.get_file_from_path(inside) is None:
             if not (ROOT / target).exists():
                 return found.group()  # left for the strict build to refuse

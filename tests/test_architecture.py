@@ -18,8 +18,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BOTTOM_NAMES = (
-    "errors data_table extras plain_numbers scaling feasible params dots lens materials material_units identity "
-    "typed_folder whole_file plugins messages threads pools options design_arguments pattern"
+    "errors data_table extras plain_numbers scaling feasible params dots lens materials material_units silicone_kits "
+    "identity typed_folder whole_file plugins messages threads pools options design_arguments pattern"
 )
 BOTTOM = {f"cad.{name}" for name in BOTTOM_NAMES.split()}
 PLAIN = BOTTOM | {

@@ -5,10 +5,12 @@ from __future__ import annotations
 import html
 import json
 import os
+import re
 import signal
 import threading
 import time
 from pathlib import Path
+from urllib.parse import unquote_to_bytes
 
 import pytest
 
@@ -71,6 +73,19 @@ def test_every_command_gets_d_and_t_and_the_page_lists_what_it_made(tmp_path):
     ):
         assert words in page
     assert not list(tmp_path.rglob("*.part"))
+
+
+def test_files_of_ones_own_are_linked_whatever_their_names(tmp_path):
+    """A # began an anchor, a % an escape; a name in Latin-1 ended the command with a traceback."""
+    wanted = parsed([f"exports={tmp_path}"])
+    wanted.folder.mkdir()
+    names = ["a photo #1 of 100%.jpg", "Stra\u00dfe.txt", os.fsdecode(b"M\xe4rz.txt")]
+    for name in names:
+        (wanted.folder / name).touch()
+    write_page(wanted.variant, wanted.exports, "", [])
+    links = re.findall('<td><a href="([^"]*)">', (wanted.folder / PAGE).read_text(encoding="utf-8"))
+    assert sorted(unquote_to_bytes(link) for link in links) == sorted(os.fsencode(name) for name in names)
+    assert "#" not in "".join(links)
 
 
 def test_the_study_is_of_the_very_design(tmp_path):

@@ -14,7 +14,7 @@ from fab.command import VARIANT_DEFAULTS, Command, Interrupts, parse_variant
 from fab.exports.whole_folder import whole_folder
 from fab.progress import Progress
 
-FOLDER, RECORD = "robot_model", "robot_model.json"
+FOLDER = "robot_model"
 HELP = """\
 options, as NAME=VALUE:
   D=130 T=8             the design: writes exports/D130_T8/robot_model/
@@ -52,7 +52,7 @@ def _friction(text: str) -> float:
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:
     variant = parse_variant(options)
     friction = _friction(options["friction"])
-    from endcap.robot_model.folder import write_robot_model
+    from endcap.robot_model.folder import RECORD, write_robot_model
 
     final = Path(options["exports"]) / variant.label / FOLDER
     check_interrupt = interrupts.raise_swallowed

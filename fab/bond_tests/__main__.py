@@ -32,7 +32,7 @@ header; a row "Failure type : material" (adhesive, cohesive, material or mixed) 
 Tensile: largest load. Peel: mean load over 127 mm of bond after the initial peak (ASTM D1876).
 
 writes bond_specimens.csv, bond_tests.json and bond_tests.png
-exit status: 0 written; 2 bad input, named by file and line
+exit status: 0 written; 2 bad input, named by file and line; 130 interrupted
 """
 
 
@@ -57,6 +57,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"bond_tests: {error}")
         return 2
+    except KeyboardInterrupt:
+        LOG.error("bond_tests: interrupted")
+        return 130
     show(report(groups, comparisons))
     return 0
 

@@ -13,10 +13,9 @@ from cad.lens import camera_setting
 from cad.materials import DEFAULT_SILICONE
 from cad.materials import silicone as silicone_row
 from cad.params import EndcapParams
-from cad.plain_numbers import plain
 from fab.build_sheet.data import SheetData
 from fab.slice.printers import printer_words
-from fab.variant import Variant, coupons_command, printer_option
+from fab.variant import Variant, coupons_command, printer_option, size_words
 
 INTERPRETER = ".venv/bin/python"
 RELEASED = EndcapParams(130.0, 8.0)
@@ -44,9 +43,7 @@ def make_command(target: str, data: SheetData, printer: str | None = None) -> st
 
 def ring_command(data: SheetData) -> str:
     """The command that makes the LED ring's files, which depend on neither clearance nor silicone."""
-    params = data.layout.params
-    design = f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
-    return f"{camera_setting()}make ring {design}{data.exports_option}"
+    return f"{camera_setting()}make ring {size_words(data.layout.params)}{data.exports_option}"
 
 
 def coupons_line(data: SheetData) -> str:
@@ -78,9 +75,7 @@ def train_command(params: EndcapParams, silicone: str) -> str:
     own = {name: value for name, value in params.option_words.items() if name != "gyroid"}
     own |= {"material": shlex.quote(silicone)} if silicone != DEFAULT_SILICONE else {}
     words = (f"{name}={value}" for name, value in own.items())
-    return camera_setting() + " ".join(
-        ("make train", f"D={plain(params.diameter_mm)}", f"T={plain(params.wall_mm)}", *words)
-    )
+    return camera_setting() + " ".join(("make train", size_words(params), *words))
 
 
 def weights_g(params: EndcapParams, silicone_name: str) -> str:

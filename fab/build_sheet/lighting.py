@@ -6,7 +6,6 @@ from pathlib import Path
 
 from cad.led_ring.placement import LED_COUNT, LED_RANGE
 from cad.params import EndcapParams
-from cad.plain_numbers import plain
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Picture, Step, Table
 from fab.build_sheet.commands import ring_command
 from fab.build_sheet.data import SheetData
@@ -15,6 +14,7 @@ from fab.led_ring.bom import ring_bom
 from fab.led_ring.budget import CAMERA_A, RING_A, USB_A, driver_checks, warmest_room_c
 from fab.led_ring.driver import fitted_driver
 from fab.led_ring.light import dome_light, light_checks, require_even
+from fab.variant import size_words
 
 
 def ring_checks(params: EndcapParams) -> list[Check]:
@@ -38,7 +38,7 @@ def draw_ring_light(params: EndcapParams, folder: Path) -> Path:
     from fab.led_ring.picture import draw_light
 
     path = folder / "ring_light.png"
-    draw_light(dome_light(params), f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}, {LED_COUNT} LEDs", path)
+    draw_light(dome_light(params), f"{size_words(params)}, {LED_COUNT} LEDs", path)
     return path
 
 

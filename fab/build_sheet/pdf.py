@@ -140,7 +140,7 @@ class _Printer:
         """An unused file name.
 
         Args:
-            suffix: of the name, with its dot.
+            suffix: of the name, without its dot.
         """
         self.count += 1
         return f"f{self.count}.{suffix}"

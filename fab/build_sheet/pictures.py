@@ -244,13 +244,10 @@ def step_things(shop: Workshop, step: Step, depth_mm: float) -> list[Thing]:
         shift = place_on_way(move.way_out, step.drawn_mm * order / len(step.moves))
         shifts.append(shift)
         things += _drawn(shop, step, move.parts, shift)
-    owner = shifts[-1] if any("hanger" in move.parts for move in step.moves) else np.zeros(3)
-    if "camera" in {name for move in step.moves for name in move.parts}:
-        owner = shifts[-1]
-    if {"base"} & {name for move in step.moves for name in move.parts}:
-        owner = shifts[-1]
+    moved = {name for move in step.moves for name in move.parts}
+    lift = shifts[-1][2] if moved & {"hanger", "camera", "base"} else 0.0  # of the screws, with the part that they hold
     for joint in step.screws:
-        things += shop.screws(joint, SCREW_BACK_MM, owner[2])
+        things += shop.screws(joint, SCREW_BACK_MM, lift)
     if "nuts" in step.extras:
         things.append(Thing(nuts_mesh(shop.layout, 16.0), STEEL))
     if "inserts" in step.extras:

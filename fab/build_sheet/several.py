@@ -14,13 +14,14 @@ from typing import Any
 from cad.dots import dot_pattern
 from cad.fasteners import BomLine
 from cad.plain_numbers import plain
+from cad.silicone_kits import silicone_kits
 from fab.bom import BAG_OWNERS, MOLD_USE, RING_BATCH, SCREW_USD, screw_name
 from fab.build_sheet.blocks import Block, Heading, Paragraph, Table
 from fab.build_sheet.commands import make_command
 from fab.build_sheet.data import SheetData
 from fab.build_sheet.prints import one_interface, printing_s
 from fab.slice.result import hours, is_mold
-from fab.supplies import SPOOL_G, bag_size, filament_item, kit_count, spool_count, spool_usd, supplies
+from fab.supplies import SPOOL_G, bag_size, filament_item, kit_count, spool_count, spool_usd
 
 COUNTS = (6, 10)  # endcaps: of a robot with three bars, and a round number
 SMOOTH_H, PREPARE_H, DEMOLD_H, CABLE_H, ASSEMBLE_H, LIGHT_H = 1.5, 0.75, 0.75, 0.5, 1.0, 0.75  # E: hands on
@@ -57,8 +58,8 @@ class Need:
         if self.packs == "spool":
             return spool_count(self.what, total)
         if self.packs == "kit":
-            kit = supplies().get(self.what)
-            return kit_count(total, kit.amount) if kit else 0
+            kit = silicone_kits().get(self.what)
+            return kit_count(total, kit.amount_g) if kit else 0
         pieces = math.ceil(total)
         return {"bag": bag_size(pieces), "batch": max(RING_BATCH, pieces)}.get(self.packs, pieces)
 
@@ -158,7 +159,7 @@ def needed(data: SheetData) -> list[Need]:
     """
     plastics = _plastics(data.sliced) if data.sliced else []
     mix = data.recipe
-    kit = supplies().get(mix.silicone.name)
+    kit = silicone_kits().get(mix.silicone.name)
     silicone = Need(mix.silicone.name, mix.part_a_g + mix.part_b_g, 0.0, "g", "kit", kit.price_usd if kit else None)
     return [*plastics, silicone, *_screws(data), *_pieces(data.lines)]
 
@@ -221,5 +222,5 @@ def _total_words(need: Need, count: int) -> str:
     if need.packs == "spool":
         return f"{words}: {bought} {'spool' if bought == 1 else 'spools'}"
     if need.packs == "kit":
-        return f"{words}: {bought} x {supplies()[need.what].amount:g} g" if bought else words
+        return f"{words}: {bought} x {silicone_kits()[need.what].amount_g:g} g" if bought else words
     return f"{words}: {need.packs} of {bought}" if need.packs else words

@@ -15,12 +15,12 @@ import numpy as np
 from cad.lens import camera_module
 from cad.materials import Silicone
 from cad.mold.layout import MoldLayout
+from cad.silicone_kits import silicone_usd_kg
 from fab.design_page.outline import Profile, parts
 from fab.recipe import closed_cast_mm3, overflow_of, recipe
 from fab.slice.filaments import filament
 from fab.slice.footprints import footprints
 from fab.slice.printers import printer
-from fab.supplies import supplies
 
 MOLD = {  # part: skin (mm), infill, cut faces, each the size of the profile
     "bowl": (1.43, 0.10, 6),
@@ -34,7 +34,6 @@ HARDWARE = {"base": 0.60, "arm_adapter": 0.20}  # E: of the outline's volume tha
 CAMERA_AND_RING_G = 35.0  # E
 SPACER_G = 12.0  # E: PETG
 SMALL_USD = 30.0  # E: ring, screws, inserts, cable
-SILICONE_USD_KG = 80.0  # E: of a silicone whose kit is not in fab/supplies.csv
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
     cast = recipe(closed_cast_mm3(params), overflow_of(layout), row.name)
     spools = ((mold_g + hardware_g, pla), (SPACER_G, petg), (tpu_g, tpu))
     plastic_usd = sum(grams / 1000 * spool.price_usd_kg for grams, spool in spools)
-    silicone_usd = (cast.part_a_g + cast.part_b_g) / 1000 * _silicone_usd_kg(row.name)
+    silicone_usd = (cast.part_a_g + cast.part_b_g) / 1000 * silicone_usd_kg(row.name)
     return Estimate(
         cast.expected_g + tpu_g + base_g + SPACER_G + CAMERA_AND_RING_G,
         mold_g,
@@ -84,12 +83,6 @@ def estimate(layout: MoldLayout, row: Silicone, printer_name: str) -> Estimate:
         plastic_usd + silicone_usd + camera_module().price_usd + SMALL_USD,
         _bed(layout, printer_name),
     )
-
-
-def _silicone_usd_kg(name: str) -> float:
-    """Price of a kilogram of a silicone, in the kit of fab/supplies.csv."""
-    kit = supplies().get(name)
-    return 1000.0 * kit.price_usd / kit.amount if kit and kit.price_usd else SILICONE_USD_KG
 
 
 def _bed(layout: MoldLayout, printer_name: str) -> str:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from cad import arm_adapter, ring_spacer
+from cad import arm_adapter, hanger, interface, ring_spacer, shell
 from cad.base import RECESS_RADIUS_MM, flank_profile
-from cad.interface import COLOR as TPU_COLOR
 from cad.interface import zone_clip_radius_mm, zone_radii_mm
 from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from cad.mold import core, cup
 from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from fab.exports.preview import PreviewPart
@@ -56,16 +56,16 @@ def parts(layout: MoldLayout) -> tuple[Revolved, ...]:
     params = layout.params
     step = 0.42 * params.tip_height_mm + 14.0
     return (
-        Revolved("shell", "endcap", (shell_profile(params),), (0.35, 0.72, 0.68), 2 * step),
-        Revolved("interface", "endcap", interface_profiles(params), TPU_COLOR, step),
+        Revolved("shell", "endcap", (shell_profile(params),), shell.COLOR, 2 * step),
+        Revolved("interface", "endcap", interface_profiles(params), interface.COLOR, step),
         Revolved("led_ring", "endcap", (_led_ring(),), (0.05, 0.42, 0.24), 0.45 * step),
         Revolved("ring_spacer", "endcap", (_spacer(),), (0.96, 0.84, 0.36), 0.2 * step),
         Revolved("base", "endcap", (_base(params),), (0.30, 0.33, 0.38), -0.2 * step),
         Revolved("arm_adapter", "endcap", (_adapter(params),), arm_adapter.COLOR, -0.7 * step),
-        Revolved("bowl", "mold", (_bowl(layout),), (0.36, 0.56, 0.80), 2.2 * step),
-        Revolved("core", "mold", (_core(layout),), (0.93, 0.62, 0.22), 0.7 * step),
+        Revolved("bowl", "mold", (_bowl(layout),), cup.COLOR, 2.2 * step),
+        Revolved("core", "mold", (_core(layout),), core.COLOR, 0.7 * step),
         Revolved("collar", "mold", (_collar(layout),), (0.46, 0.62, 0.84), -0.2 * step),
-        Revolved("hanger", "mold", (_hanger(layout),), (0.55, 0.75, 0.45), -0.9 * step),
+        Revolved("hanger", "mold", (_hanger(layout),), hanger.COLOR, -0.9 * step),
     )
 
 

@@ -17,7 +17,7 @@ from cad.robot_sides import DEFAULT_ROBOT
 from fab.checks.check import Check
 from fab.part_words import height_words
 from fab.slice.printers import DEFAULT_PRINTER, printer, printer_words
-from fab.variant import Variant, coupons_command
+from fab.variant import Variant, coupons_command, size_words
 
 PAGE = "index.html"
 PREVIEW = "preview.glb"
@@ -117,13 +117,13 @@ def _facts(variant: Variant, manifest: Mapping[str, Any]) -> str:
 
 
 def _next_steps(variant: Variant, manifest: Mapping[str, Any]) -> str:
-    design = " ".join(variant.words.split()[:2])
     where = printer(str(manifest.get("printer", DEFAULT_PRINTER)))
     asked = printer_words(where.name)
+    ring = f"{camera_setting()}make ring {size_words(variant.params)}"
     steps = (
         (f"{variant.command('slice')}{asked}", f"slicer projects, in slice/ ({where.title}; printer=NAME for another)"),
         (variant.command("sheet"), "what to buy, print, mix, cast, assemble and test, in sheet/build_sheet.pdf"),
-        (f"{camera_setting()}make ring {design}", "LED ring: board files for a board house, beside this folder"),
+        (ring, "LED ring: board files for a board house, beside this folder"),
         (f"{variant.command('molds')}{asked}", "makes this folder again"),
     )  # fmt: skip
     width = max(len(command) for command, _ in steps)

@@ -10,7 +10,6 @@ from cad.led_ring.placement import LED_COUNT, LED_RANGE, placements
 from cad.messages import show
 from cad.options import parse_design, parse_length
 from cad.params import EndcapParams
-from cad.plain_numbers import plain
 from cad.typed_folder import EXPORTS
 from fab.checks.check import Check, require_passed
 from fab.command import Command
@@ -26,7 +25,7 @@ from fab.led_ring.budget import (
 )
 from fab.led_ring.circuit import circuit_checks, netlist
 from fab.led_ring.driver import Driver, fitted_driver, losses_w
-from fab.variant import camera_words
+from fab.variant import camera_words, size_words
 
 RECORD = "led_ring.json"
 HELP = f"""\
@@ -111,10 +110,10 @@ def make_ring(
             *schematic_checks(folder / "led_ring.kicad_sch", folder / "led_ring.kicad_pcb", count),
         ]
         require_passed(checks, "of the ring")
-        (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)))
-        (folder / "led_ring-placement.csv").write_text(placement_csv(count))
+        (folder / "led_ring-bom.csv").write_text(bom_csv(ring_bom(count)), encoding="utf-8")
+        (folder / "led_ring-placement.csv").write_text(placement_csv(count), encoding="utf-8")
         draw_board(layers, holes, places, folder / "led_ring.png")
-        draw_light(light, f"{_size_words(params)}, {count} LEDs", folder / "led_ring-light.png")
+        draw_light(light, f"{size_words(params)}, {count} LEDs", folder / "led_ring-light.png")
         write_record(folder, RECORD, ring_report(driver, params, checks))
     show(f"{final}: {count} LEDs, {_supply_words(driver)}, all {len(checks)} checks passed")
     return 0
@@ -122,10 +121,6 @@ def make_ring(
 
 def _supply_words(driver: Driver) -> str:
     return f"{1e3 * driver.input_a:.0f} mA at {driver.v_in:g} V, efficiency {driver.efficiency:.0%}"
-
-
-def _size_words(params: EndcapParams) -> str:
-    return f"D={plain(params.diameter_mm)} T={plain(params.wall_mm)}"
 
 
 def folder_name(params: EndcapParams, led_count: int) -> str:

@@ -115,6 +115,15 @@ def build_copper(led_count: int = LED_COUNT) -> Copper:
     return Copper(pads, tracks + spokes, vias, plane)
 
 
+def polygons(shape: BaseGeometry) -> list[Polygon]:
+    """The polygons of a shape that are not empty, without lines and points.
+
+    Args:
+        shape: any geometry.
+    """
+    return [part for part in getattr(shape, "geoms", [shape]) if isinstance(part, Polygon) and not part.is_empty]
+
+
 def _pads(place: Placement, nets: dict[tuple[str, str], str]) -> list[Pad]:
     made = []
     for pin, (x, y, width, height) in lands_of(place.part).items():

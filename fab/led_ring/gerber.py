@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cad.errors import FileError
 from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
-from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
+from fab.led_ring.copper import CIRCLE_SEGMENTS, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad, polygons
 from fab.led_ring.silk import silk_shape
 
 OUTLINE_MM = 0.1  # width of the line that draws the board's edge
@@ -45,12 +45,11 @@ DRILL = "drill_plated"
 SIDES = {"top": "F", "bottom": "B"}
 
 
-def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
+def board_files(copper: Copper) -> dict[str, bytes]:
     """Fabrication files by name: ``led_ring-F_Cu.gbr`` and so on, and ``led_ring-drill_plated.drl``.
 
     Args:
         copper: of the board.
-        stem: first part of the names.
     """
     objects: dict[str, list[object]] = {name: [] for name in LAYERS}
     objects["B_Cu"] += regions(copper.plane)
@@ -74,10 +73,10 @@ def board_files(copper: Copper, stem: str = "led_ring") -> dict[str, bytes]:
     files = {}
     for name, function in LAYERS.items():
         layer = GerberFile(objects=objects[name], file_attrs={".FileFunction": tuple(function.split(","))})
-        files[f"{stem}-{name}.gbr"] = _repaired(layer.write_to_bytes())
+        files[f"led_ring-{name}.gbr"] = _repaired(layer.write_to_bytes())
     tool = ExcellonTool(VIA_DRILL_MM, plated=True, unit=MM)
     drill = ExcellonFile(objects=[Flash(*via.centre, tool, unit=MM) for via in copper.vias])
-    files[f"{stem}-{DRILL}.drl"] = drill.write_to_bytes()
+    files[f"led_ring-{DRILL}.drl"] = drill.write_to_bytes()
     return files
 
 
@@ -164,17 +163,6 @@ def _unholed(polygon: Polygon) -> Iterable[Polygon]:
     for half in (box(left, low, x + _OVERLAP_MM, high), box(x, low, right, high)):
         for piece in polygons(polygon & half):
             yield from _unholed(piece)
-
-
-def polygons(shape: BaseGeometry) -> list[Polygon]:
-    """The polygons of a shape, without lines and points.
-
-    Args:
-        shape: any geometry.
-    """
-    if isinstance(shape, Polygon):
-        return [shape] if not shape.is_empty else []
-    return [part for part in getattr(shape, "geoms", []) if isinstance(part, Polygon)]
 
 
 def _land(pad: Pad, growth: float) -> Region:

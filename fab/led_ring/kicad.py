@@ -24,8 +24,8 @@ from cad.led_ring.placement import Placement, placements
 from cad.mold.layout import rotated
 from fab.checks.check import Check
 from fab.led_ring.circuit import netlist
-from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad
-from fab.led_ring.gerber import MASK_GROWTH_MM, PASTE_SHRINK_MM, SIDES, polygons
+from fab.led_ring.copper import CIRCLE_SEGMENTS, PLANE_GAP_MM, VIA_DRILL_MM, VIA_PAD_MM, Copper, Pad, polygons
+from fab.led_ring.gerber import MASK_GROWTH_MM, PASTE_SHRINK_MM, SIDES
 from fab.led_ring.schematic import SHEET, identity, schematic_text, value_text
 from fab.led_ring.silk import silk_shape
 

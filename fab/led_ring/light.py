@@ -23,8 +23,8 @@ from cad.led_ring.board import BOARD_THICKNESS_MM
 from cad.led_ring.placement import LED_COUNT, Placement, placements
 from cad.lens import camera_module
 from cad.params import EndcapParams
-from cad.plain_numbers import plain
 from fab.checks.check import Check
+from fab.variant import size_words
 
 REFLECTANCE = 0.5  # E: white silicone, translucent
 AZIMUTHS = 360
@@ -172,9 +172,8 @@ def require_even(light: DomeLight, params: EndcapParams, led_count: int) -> None
     low = f"{module.name} sees down to it from {module.stack_mm:g} mm over its seat"
     fix = f"take leds={enough}" if enough else f"{low}: take a thinner wall, a larger D or a camera with a higher stack"
     raise ParameterError(
-        f"leds={led_count} lights the rim of D={plain(params.diameter_mm)} T={plain(params.wall_mm)} too unevenly: +-"
-        f"{light.ripple:.0%} round it, at most {RIPPLE:.0%}, so that silicone stays {CONTRAST:g} times as bright as a "
-        f"dot; {fix}",
+        f"leds={led_count} lights the rim of {size_words(params)} too unevenly: +-{light.ripple:.0%} round it, at most "
+        f"{RIPPLE:.0%}, so that silicone stays {CONTRAST:g} times as bright as a dot; {fix}",
         name="leds",
         value=led_count,
     )

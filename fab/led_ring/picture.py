@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from cad.led_ring.placement import Placement
+from fab.led_ring.copper import polygons
 from fab.led_ring.light import DomeLight
 from fab.led_ring.rules import Holes, Layers, envelope
 
@@ -117,7 +117,6 @@ def _fill(axes: Axes, shape: BaseGeometry, **style: Any) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Curve
 
-    for part in getattr(shape, "geoms", [shape]):
-        if isinstance(part, Polygon) and not part.is_empty:
-            rings = [Curve(np.asarray(ring.coords)) for ring in (part.exterior, *part.interiors)]
-            axes.add_patch(PathPatch(Curve.make_compound_path(*rings), **style))
+    for part in polygons(shape):
+        rings = [Curve(np.asarray(ring.coords)) for ring in (part.exterior, *part.interiors)]
+        axes.add_patch(PathPatch(Curve.make_compound_path(*rings), **style))

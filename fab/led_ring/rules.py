@@ -20,7 +20,7 @@ from cad import ring_spacer
 from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM
 from cad.led_ring.placement import Placement
 from fab.checks.check import Check
-from fab.led_ring.copper import Pad
+from fab.led_ring.copper import Pad, polygons
 from fab.led_ring.lands import leads_of
 
 CLEARANCE_MM = 0.2
@@ -87,7 +87,7 @@ def conductors(layers: Layers, holes: Holes) -> list[Island]:
         layers: areas by layer, mm.
         holes: (x, y, diameter) of each, mm.
     """
-    shapes = [(side, part) for side, name in (("top", "F_Cu"), ("bottom", "B_Cu")) for part in _parts(layers[name])]
+    shapes = [(side, part) for side, name in (("top", "F_Cu"), ("bottom", "B_Cu")) for part in polygons(layers[name])]
     tree = STRtree([part for _, part in shapes])
     parent = list(range(len(shapes)))
 
@@ -185,7 +185,7 @@ def legend_checks(layers: Layers, pads: Sequence[Pad]) -> list[Check]:
     """
     webs, inked, covered = [], 0.0, 0.0
     for side, letter in (("top", "F"), ("bottom", "B")):
-        openings = _parts(layers[f"{letter}_Mask"])
+        openings = polygons(layers[f"{letter}_Mask"])
         webs += [a.distance(b) for a, b in combinations(openings, 2)]
         lands = union_all([pad.shape for pad in pads if pad.side == side])
         covered += (lands - layers[f"{letter}_Mask"]).area
@@ -257,7 +257,3 @@ def _lost(shape: BaseGeometry) -> float:
     """Copper narrower than the least width, mm2."""
     half = WIDTH_MM / 2
     return float((shape - shape.buffer(-half, join_style="mitre").buffer(half, join_style="mitre")).area)
-
-
-def _parts(shape: BaseGeometry) -> list[Polygon]:
-    return [part for part in getattr(shape, "geoms", [shape]) if isinstance(part, Polygon)]

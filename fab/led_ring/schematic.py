@@ -202,7 +202,7 @@ def _split(wire: tuple[Point, Point], junctions: list[Point]) -> list[tuple[Poin
     """A wire cut at the junctions on it: KiCad 9 connects a wire's ends, and one junction within."""
     (x0, y0), (x1, y1) = sorted(wire)
     inside = [at for at in junctions if x0 <= at[0] <= x1 and min(y0, y1) <= at[1] <= max(y0, y1)]
-    return [pair for pair in pairwise(sorted({*wire, *inside}))]
+    return list(pairwise(sorted({*wire, *inside})))
 
 
 def _library_symbol(symbol: Symbol) -> str:

@@ -56,28 +56,25 @@ class PictureItem:
         return self.mesh if self.outside is None else self.outside
 
 
-def render_exploded(
-    items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX, view: View = EXPLODED_VIEW
-) -> None:
+def render_exploded(items: Sequence[PictureItem], path: Path, width_px: int = WIDTH_PX) -> None:
     """Draw the parts displaced by their offsets, each with its name, as one wide picture.
 
     Args:
         items: the parts.
         path: the file.
         width_px: width of the picture, px; its height follows.
-        view: the view.
 
     Raises:
         GeometryError: no parts.
         FileError: the picture could not be written.
     """
     places = [item.seen.vertices + np.array(item.offset) for item in _some(items)]
-    low, high = _bounds(view, places)
+    low, high = _bounds(EXPLODED_VIEW, places)
     label = _label_px(width_px)
     band = math.ceil(4.5 * label)  # below the parts, for two rows of names
     scale = (width_px - 2 * label) / (high[0] - low[0])
     drawn = math.ceil((high[1] - low[1]) * scale) + 2 * label
-    frame = Frame(view, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
+    frame = Frame(EXPLODED_VIEW, (0, band, width_px, drawn), tuple((low + high) / 2), scale)
     canvas = Canvas(width_px, drawn + band)
     canvas.panel(frame, [Surface(p, i.seen.faces, np.array(i.color)) for p, i in zip(places, items, strict=True)])
     middles = [float(np.mean((x.min(), x.max()))) for x in (frame.pixels(points)[:, 0] for points in places)]

@@ -50,15 +50,14 @@ COMMAND = Command(
     "make slice",
     f"{VARIANT_USAGE} [printer=NAME] [exports=DIR] [plates=single] [parts=NAMES] [gcode=yes] [cache=no]",
     "Slice every printed part of an endcap with PrusaSlicer and measure the moves.",
-    HELP,
+    lambda: HELP.format(printers=", ".join(printers())),
     {**VARIANT_DEFAULTS, "printer": "", "plates": "nested", "parts": "all", "gcode": "no", "cache": "yes"},
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    command = replace(COMMAND, help=lambda: HELP.format(printers=", ".join(printers())))
-    return command.run(argv, _act)
+    return COMMAND.run(argv, _act)
 
 
 def _act(options: dict[str, str], interrupts: Interrupts) -> int:

@@ -69,13 +69,13 @@ def nested(parts: Mapping[str, Standing], where: Printer) -> list[list[Place]]:
     for name in order:
         brim = parts[name].brim_mm
         for taken, places in plates:
-            found = _first_place(shadows[name], brim, taken, where)
+            found = _first_place(shadows[name], brim, taken)
             if found is not None:
                 places.append(_put(name, found, shadows[name], brim, taken))
                 break
         else:
             taken = _empty_bed(where)
-            found = _first_place(shadows[name], brim, taken, where) or _alone(shadows[name], where)
+            found = _first_place(shadows[name], brim, taken) or _alone(shadows[name], where)
             plates.append((taken, [_put(name, found, shadows[name], brim, taken)]))
     return [[_centred(place, where) for place in places] for _, places in plates]
 
@@ -123,9 +123,7 @@ def _turned_mask(rings: Sequence[np.ndarray], degrees: float, widen_mm: float) -
     return binary_dilation(np.asarray(picture), disc), low * PIXEL_MM
 
 
-def _first_place(
-    rings: Sequence[np.ndarray], brim_mm: float, taken: np.ndarray, where: Printer
-) -> tuple[float, float, float] | None:
+def _first_place(rings: Sequence[np.ndarray], brim_mm: float, taken: np.ndarray) -> tuple[float, float, float] | None:
     """(turn, x, y) of the lowest free place over all turns; ``None`` where there is none."""
     best: tuple[float, tuple[float, float, float]] | None = None
     for degrees in np.arange(0.0, 360.0, TURN_STEP_DEG):

@@ -13,9 +13,9 @@ import numpy as np
 from cad.identity import identity
 from cad.lens import camera_module
 from cad.pattern import step_deg
+from cad.silicone_kits import silicone_usd_kg
 from sensing.design.pressed import TILTS_DEG, Study, expected_share
 from sensing.design.prints import Prints, estimated_prints
-from sensing.design.region import SILICONE_USD_KG
 from sensing.records import TABLE_G_M_S2
 
 
@@ -174,14 +174,14 @@ def _mass(study: Study) -> list[Figure]:
 def _made(study: Study, prints: Prints) -> list[Figure]:
     source = Source.MEASURED if prints.is_sliced else Source.ESTIMATED
     how = "moves of the sliced files" if prints.is_sliced else "closed form, run make slice for the files' own"
-    silicone_usd = SILICONE_USD_KG * study.mass_g / 1000
+    usd_kg = silicone_usd_kg(study.silicone)
     return [
         Figure("print_h", "print hours", prints.time_h, "h", source, f"{how}; {prints.parts}"),
         Figure("print_g", "plastic", prints.grams, "g", source, "the same"),
         Figure("print_usd", "its cost", prints.cost_usd, "$", source, "the same, at prices of a kilogram spool"),
         Figure(
-            "cost_usd", "plastic and silicone", prints.cost_usd + silicone_usd, "$", Source.ESTIMATED,
-            f"silicone at {SILICONE_USD_KG:g} dollars a kg; camera, ring and screws are in the bill of materials",
+            "cost_usd", "plastic and silicone", prints.cost_usd + usd_kg * study.mass_g / 1000, "$", Source.ESTIMATED,
+            f"silicone at {usd_kg:.0f} dollars a kg, its smallest kit; camera, ring and screws are in the bill",
         ),
     ]  # fmt: skip
 

@@ -18,12 +18,12 @@ from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
 from cad.materials import DEFAULT_SILICONE, silicone, silicones
 from cad.params import EndcapParams
+from cad.silicone_kits import silicone_usd_kg
 from sensing.design.pressed import Study, expected_share
 from sensing.design.prints import mold_usd
 
 Progress = Callable[[int, int], None]
 DIAMETERS, WALLS = 20, 10  # numbers of diameters, and of walls at each; evenly spaced
-SILICONE_USD_KG = 40.0  # E: price of a large kit, the same for all silicones; the build sheet lists the smallest
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Place:
         stiffness_n_mm: stiffness at 25 degrees, N/mm.
         bound_n: Cramér-Rao bound of the force, an axis, N.
         mass_g: mass of the silicone, g.
-        cost_usd: cost of silicone and mold (estimated), USD.
+        cost_usd: cost of silicone, by the gram of its smallest kit, and mold (estimated), USD.
         sag_mm: motion of a dot by the skin's own weight where the endcap is turned from tip up onto its side, mm.
         pareto: whether no other place has more range, less error in percent of it and less mass.
     """
@@ -76,7 +76,7 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
     """
     safe_n, limit = study.safe
     params = study.params
-    cost_usd = SILICONE_USD_KG * study.mass_g / 1000 + mold_usd(params)
+    cost_usd = silicone_usd_kg(study.silicone) * study.mass_g / 1000 + mold_usd(params)
     return Place(
         params.diameter_mm, params.wall_mm, study.silicone, study.range_n, safe_n, limit,
         study.stiffness_n_mm(25.0), study.bound_n if bound_n is None else bound_n, study.mass_g, cost_usd,
@@ -94,10 +94,11 @@ def in_silicone(place: Place, name: str) -> Place:
     before, after = silicone(place.silicone), silicone(name)
     stiffer = after.neo_hooke().shear_mpa / before.neo_hooke().shear_mpa
     mass = place.mass_g * after.density_g_cm3 / before.density_g_cm3
+    dearer_usd = (silicone_usd_kg(name) * mass - silicone_usd_kg(place.silicone) * place.mass_g) / 1000
     return replace(
         place, silicone=name, range_n=place.range_n * stiffer, safe_n=place.safe_n * stiffer,
         stiffness_n_mm=place.stiffness_n_mm * stiffer, bound_n=place.bound_n * stiffer, mass_g=mass,
-        cost_usd=place.cost_usd + SILICONE_USD_KG * (mass - place.mass_g) / 1000,
+        cost_usd=place.cost_usd + dearer_usd,
         sag_mm=place.sag_mm * mass / place.mass_g / stiffer, pareto=False,
     )  # fmt: skip
 

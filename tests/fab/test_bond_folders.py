@@ -37,3 +37,12 @@ def test_folders_count_in_any_case_and_files_elsewhere_are_named(tmp_path, capsy
     warning = capsys.readouterr().err
     assert "3 CSV files are left out, not in tensile/METHOD/*.csv or peel/METHOD/*.csv: Tensile/c.csv, peel_" in warning
     assert [(s.kind, s.name) for s in read_folder(tmp_path)] == [("tensile", "a.csv"), ("peel", "b.csv")]
+
+
+def test_an_interruption_is_one_line(tmp_path, monkeypatch, capsys):
+    def interrupted(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fab.bond_tests.__main__.read_folder", interrupted)
+    assert main([str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "bond_tests: interrupted\n"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import multiprocessing
 import os
 import shutil
 from pathlib import Path
@@ -74,6 +76,38 @@ def test_what_was_used_longest_ago_goes_first_and_the_size_is_bounded(cache, tmp
     assert restored(cache, tmp_path, "b") is None
     assert all(restored(cache, tmp_path, key) is not None for key in "acd")
     assert sum(path.stat().st_size for path in (cache.folder / "files").iterdir()) <= 1000
+
+
+def test_a_file_system_without_locks_has_a_cache_too(cache, tmp_path, monkeypatch):
+    def no_lock(*_: object) -> None:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.setattr(module.fcntl, "flock", no_lock)
+    stored(cache, tmp_path, "a", base="solid")
+    assert restored(cache, tmp_path, "a") == {"base": "solid"}
+
+
+def test_processes_that_keep_at_once_lose_nothing_of_each_other(cache, tmp_path, monkeypatch):
+    fork = multiprocessing.get_context("fork")
+    begun = fork.Event()
+
+    def keep_and_trim():
+        begun.wait()
+        cache.keep("other", {"cup": b"cup"}, {})
+
+    def entry_written_late(path, data, write=module._write):
+        if path.parent.name == "entries":
+            begun.set()
+            other.join(0.5)  # it ends here unless it waits for this process
+        write(path, data)
+
+    other = fork.Process(target=keep_and_trim)
+    other.start()
+    monkeypatch.setattr(module, "_write", entry_written_late)
+    stored(cache, tmp_path, "a", base="solid")
+    other.join()
+    assert restored(cache, tmp_path, "a") == {"base": "solid"}
+    assert restored(cache, tmp_path, "other") == {"cup": "cup"}
 
 
 def test_the_key_covers_parameters_code_and_libraries(cache, tmp_path, monkeypatch):

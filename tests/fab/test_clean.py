@@ -4,13 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
 
 from cad.whole_file import lock_if_free
 from fab import clean
+from fab.cache import ROOT
 from fab.exports.whole_folder import whole_folder, write_record
+
+
+def test_the_record_of_every_command_is_known():
+    sources = [path.read_text(encoding="utf-8") for name in ("fab", "endcap") for path in (ROOT / name).rglob("*.py")]
+    named = {name for text in sources for name in re.findall(r'^RECORD = "(.+)"$', text, re.MULTILINE)}
+    assert named == set(clean.RECORDS)
+
+
+def test_an_interruption_is_one_line(tmp_path, monkeypatch, capsys):
+    def interrupted(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(clean, "remove_partial", interrupted)
+    assert clean.main(["--exports", str(tmp_path)]) == 130
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.fixture

@@ -23,11 +23,12 @@ OVERFLOW = overflow_of(MoldLayout(EndcapParams(130.0, 8.0)))
 
 @pytest.mark.parametrize("name", sorted(silicones()))
 def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
-    mix = recipe(200_000.0, OVERFLOW, name, surplus=0.2)
+    mix = recipe(200_000.0, OVERFLOW, name)
     row = silicone(name)
     a, b = mix_parts(row.mix_ratio)
     assert mix.part_a_g / mix.part_b_g == pytest.approx(a / b, rel=0.01)
-    total = 200.0 * row.density_g_cm3 * 1.2
+    total = 200.0 * row.density_g_cm3 * (1 + mix.surplus)
+    assert mix.surplus >= 0.15
     assert total <= mix.part_a_g + mix.part_b_g + 1e-9 < total + 0.2  # rounded up, by a tenth of a gram each
     assert mix.expected_g == pytest.approx(200.0 * row.density_g_cm3)
     assert mix.lightest_g < mix.expected_g < mix.poured_g
@@ -35,8 +36,8 @@ def test_parts_have_the_tables_ratio_and_cover_cast_and_surplus(name):
 
 
 def test_smooth_sil_950_of_a_litre_is_a_hundred_to_ten():
-    mix = recipe(1e6, OVERFLOW, surplus=0.0)
-    assert (mix.part_a_g, mix.part_b_g) == (pytest.approx(1127.3), pytest.approx(112.8))
+    mix = recipe(1e6, OVERFLOW)  # 1240 g, and 15 % over
+    assert (mix.part_a_g, mix.part_b_g) == (pytest.approx(1296.4), pytest.approx(129.7))
     assert mix.pot_life_to_spare_min >= 0 and mix.air_mm3_per_g == pytest.approx(806.45, abs=0.01)
 
 

@@ -213,8 +213,8 @@ def test_the_record_names_the_silicone_and_the_variant():
 def test_a_sum_without_the_price_of_the_silicone_says_so(monkeypatch):
     """With a silicone of one's own and no kit of it, ten endcaps cost 760 USD too little, and no word of it."""
     assert _needs_rows(sheet_of())[-1][0] == "to pay, without tools"
-    kits = {name: kit for name, kit in several.supplies().items() if name != "Dragon Skin 30"}
+    kits = {name: kit for name, kit in several.silicone_kits().items() if name != "Dragon Skin 30"}
     for module in (several, bought):
-        monkeypatch.setattr(module, "supplies", lambda: kits)
+        monkeypatch.setattr(module, "silicone_kits", lambda: kits)
     rows = _needs_rows(sheet_of(material="Dragon Skin 30"))
     assert rows[-1][0] == "to pay, without tools and Dragon Skin 30, whose price is unknown"

@@ -13,6 +13,7 @@ from cad.mold.core import REMOVAL_ORDER
 from cad.mold.cup import SPOT_RADIUS_MM
 from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
+from cad.silicone_kits import SiliconeKit
 from fab import supplies
 from fab.bom import all_joints
 from fab.build_sheet.casting import casting, demolding
@@ -151,26 +152,23 @@ def test_words_in_braces_that_are_no_blank_stay_as_they_are(monkeypatch):
     assert re.fullmatch(r"set \{A\} of \d+ g", order) and use == "{}, {0} and {unknown}, {"
 
 
-@pytest.mark.parametrize(("price", "expected"), [("", None), ("40", 80.0)])
+@pytest.mark.parametrize(("price", "expected"), [(None, None), (40.0, 80.0)])
 def test_a_silicone_without_a_price_costs_what_is_not_known(price, expected, monkeypatch):
-    kit = row(name=MIX.silicone.name, kind="silicone", amount="500", unit="g", price_usd=price)
-    monkeypatch.setattr(supplies, "supplies", lambda: {kit.name: kit})
+    kit = SiliconeKit(MIX.silicone.name, "any", 500.0, price, "E")
+    monkeypatch.setattr(supplies, "silicone_kits", lambda: {kit.name: kit})
     line = silicone_line(MIX)
     assert line.order_as.startswith("2 x ") and line.price_usd == line.paid_usd == expected
 
 
-def test_a_kit_in_another_unit_is_refused():
-    """1 kg of it counted as one gram: 567 kits for one cast."""
-    with pytest.raises(
-        ValueError, match="unit='kg': the amount of a silicone is what one kit weighs, in g: 1 kg is 1000"
-    ):
-        row(name=MIX.silicone.name, kind="silicone", amount="1", unit="kg")
+def test_a_kit_among_the_supplies_is_sent_to_its_table():
+    with pytest.raises(ValueError, match=r"kind='silicone' .* is a row of cad/silicone_kits\.csv"):
+        row(name=MIX.silicone.name, kind="silicone", amount="500", unit="g")
 
 
 def test_a_kit_under_another_name_is_named_where_it_is_missed(monkeypatch):
-    kit = row(name="Smooth Sil 950", kind="silicone", amount="500", unit="g")
-    monkeypatch.setattr(supplies, "supplies", lambda: {kit.name: kit})
-    said = "add its kit to fab/supplies.csv under the name 'Smooth-Sil 950'"
+    kit = SiliconeKit("Smooth Sil 950", "any", 500.0, None, "E")
+    monkeypatch.setattr(supplies, "silicone_kits", lambda: {kit.name: kit})
+    said = "add its kit to cad/silicone_kits.csv under the name 'Smooth-Sil 950'"
     assert silicone_line(MIX).order_as == f"{said}; its row 'Smooth Sil 950' is of no silicone of cad/materials.csv"
-    monkeypatch.setattr(supplies, "supplies", dict)
+    monkeypatch.setattr(supplies, "silicone_kits", dict)
     assert silicone_line(MIX).order_as == said

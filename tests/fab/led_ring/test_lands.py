@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -76,6 +77,18 @@ def test_a_chip_too_large_for_its_place_is_refused(tmp_path, table, capsys):
     assert main([f"exports={tmp_path}"]) == 1
     assert "ring.shorted_nets = 1" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_tables_are_utf_8_whatever_the_locale_is(tmp_path, table, monkeypatch):
+    """A row of one's own with an ohm sign, where files are Latin-1 or ASCII unless they say otherwise."""
+
+    def written(path, text, encoding="ascii"):
+        path.write_bytes(text.encode(encoding))
+
+    monkeypatch.setattr(Path, "write_text", written)
+    table.rows["r_set"] = replace(table.rows["r_set"], description="10 \u03a9, 1 %")
+    assert main([f"exports={tmp_path}"]) == 0
+    assert "10 \u03a9, 1 %" in (tmp_path / "led_ring" / "led_ring-bom.csv").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

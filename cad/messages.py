@@ -38,8 +38,9 @@ def show(text: str) -> None:
     Args:
         text: one line or several.
     """
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
-        print(text, flush=True)
+        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)  # a terminal in Latin-1
     except BrokenPipeError:  # the rest of the buffer would fail again at the end of the process
         with suppress(OSError, ValueError):  # a stream without a descriptor
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

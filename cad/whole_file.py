@@ -156,7 +156,11 @@ def locked_folder(final: Path) -> tuple[Path, int]:
     while True:
         partial = final.with_name(f".{final.name}.partial-{secrets.token_hex(4)}")
         partial.mkdir()
-        lock = _try_lock(partial)
+        try:
+            lock = _try_lock(partial)
+        except OSError:
+            partial.rmdir()
+            raise
         if lock is not None and partial.exists():  # another process may have removed it before it was locked
             return partial, lock
 
@@ -209,7 +213,11 @@ def hold_lock(path: Path) -> IO[str]:
 
 
 def _try_lock(folder: Path) -> int | None:
-    """Descriptor that holds the lock of a folder; ``None`` where another process holds it or the folder is missing."""
+    """Descriptor that holds the lock of a folder; ``None`` where another process holds it or the folder is missing.
+
+    Raises:
+        OSError: the file system has no locks, or the folder cannot be opened.
+    """
     import fcntl  # missing on some systems, which can still write files
 
     try:
@@ -218,7 +226,9 @@ def _try_lock(folder: Path) -> int | None:
         return None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except OSError as error:
         os.close(descriptor)
+        if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+            raise OSError(error.errno, "its file system has no locks", str(folder)) from error
         return None
     return descriptor

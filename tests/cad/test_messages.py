@@ -1,5 +1,6 @@
 """Messages of the commands go through one logger to standard error; results stay on standard output."""
 
+import io
 import logging
 import os
 import re
@@ -31,6 +32,15 @@ def test_a_message_is_a_plain_line_on_standard_error(capsys):
     show("a result")
     said = capsys.readouterr()
     assert said.err == "100 % of it\na step\n" and said.out == "a result\n"
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "ascii", "utf-8"])
+def test_a_result_is_printed_in_every_encoding(encoding, monkeypatch):
+    """The dash of a figure that is not known, and a file's name that is no UTF-8, ended commands with a traceback."""
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    monkeypatch.setattr(sys, "stdout", stream)
+    show("rate \u2013, M\udce4rz")
+    assert stream.buffer.getvalue().decode(encoding).startswith("rate ")
 
 
 def test_work_goes_on_where_nobody_reads_its_results(tmp_path):

@@ -182,7 +182,8 @@ class Measurement:
         estimate = self._model.estimator.estimate(look.field)
         if self._check is not None and look.tracks is not None:
             estimate = self._check.widened(estimate, look.tracks)
-        unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
+        radius_mm = self._endcap.params.outer_radius_mm
+        unknown = simulation_spread(estimate.force_n, radius_mm) if self._simulated else 0.0
         estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
         return self._stiffness.applied(estimate)
 

@@ -95,7 +95,7 @@ class Measurement:
         scale = endcap.gain * model.load_scale
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm, scale
         self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms, kept.overstress)
-        self._filter = WrenchFilter(FilterConfig().scaled(scale))
+        self._filter = WrenchFilter(FilterConfig().scaled(scale, endcap.params.outer_radius_mm))
         threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)
         self._detector = ContactDetector(threshold, kept.touching)
         self._drift: Drift | None = None

@@ -126,6 +126,16 @@ def test_auto_zero_waits_until_surely_untouched(zero):
     assert 29 <= first <= 33 and abs(given[first].brightness / zero.brightness - 0.7) < 0.05
 
 
+@pytest.mark.parametrize("after_s", [3600.0, -3600.0], ids=["an hour later", "clock set back"])
+def test_a_time_that_nobody_saw_is_no_time_at_rest(zero, after_s):
+    """The first picture after it renewed the reference, from pictures of before and after."""
+    auto, tracker = AutoZero(zero, still_s=1.0, frames=4), DotTracker(zero.frame())
+    assert not any(auto.update(f, tracker.update(f)) for f in still(5))
+    given = [auto.update(f, tracker.update(f)) for f in still(35, 0.7, None, start_s=after_s)]
+    first = next(i for i, z in enumerate(given) if z is not None)
+    assert 29 <= first <= 33 and abs(given[first].brightness / zero.brightness - 0.7) < 0.05
+
+
 # --- command line --------------------------------------------------------------------------------------------
 def folder_of(tmp_path, name: str, frames: list[Frame]) -> str:
     (tmp_path / name).mkdir()

@@ -128,7 +128,7 @@ def test_auto_zero_waits_until_surely_untouched(zero):
 
 @pytest.mark.parametrize("after_s", [3600.0, -3600.0], ids=["an hour later", "clock set back"])
 def test_a_time_that_nobody_saw_is_no_time_at_rest(zero, after_s):
-    """The first picture after it renewed the reference, from pictures of before and after."""
+    """The first picture after an hour was averaged with those before it; with the clock set back none renewed it."""
     auto, tracker = AutoZero(zero, still_s=1.0, frames=4), DotTracker(zero.frame())
     assert not any(auto.update(f, tracker.update(f)) for f in still(5))
     given = [auto.update(f, tracker.update(f)) for f in still(35, 0.7, None, start_s=after_s)]

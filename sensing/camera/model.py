@@ -144,7 +144,8 @@ class FisheyeCamera:
     def unproject(self, pixels: ArrayLike) -> Array:
         """Unit rays (..., 3) in the camera frame of pixels (..., 2); ``nan`` outside the image circle.
 
-        The radius is inverted by a table, then Newton steps held inside the table's interval (round trip 1e-12).
+        The radius is inverted by a table, then Newton steps held inside the table's interval (round trip 1e-12; 1e-6
+        where a lens folds just at the end of its view).
         """
         pixels = points_array(pixels, 2)
         x = (pixels[..., 0] - self.cx_px) / self.fx_px
@@ -164,7 +165,8 @@ class FisheyeCamera:
         theta = np.interp(np.where(inside, r, 0.0), table, nodes)
         for _ in range(6):
             value, slope = radial(theta, k)
-            theta = np.clip(theta - (value - r) / slope, nodes[cell], nodes[cell + 1])
+            change = np.divide(value - r, slope, out=np.zeros_like(r), where=slope > 0)  # flat where the lens folds
+            theta = np.clip(theta - change, nodes[cell], nodes[cell + 1])
         return np.where(inside, theta, np.nan)
 
     def resized(self, width_px: int, height_px: int) -> FisheyeCamera:

@@ -49,7 +49,8 @@ def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict:
         predict: False reports the wrench of the capture time late, without prediction.
     """
     value, covariance = model.predict(test.inputs)
-    config, moving_n = FilterConfig().scaled(model.load_scale), MOVING_N * model.load_scale
+    config = FilterConfig().scaled(model.load_scale, model.design.outer_radius_mm)
+    moving_n = MOVING_N * model.load_scale
     runs = [_filtered(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)]
     lags = [lag for run in runs if np.isfinite(lag := _lag_of_run(run, moving_n))]
     scored = score(

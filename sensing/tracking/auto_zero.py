@@ -14,6 +14,7 @@ from sensing.records import DotTracks, Frame
 from sensing.tracking.zero import STILL_PX, Zero, ZeroError, measure_drift, take_zero
 
 MOST_UNSEEN_ANEW = 0.04  # E: share of the dots that a new reference may lack of those that the last one has
+MOST_GAP = 0.5  # of the time to wait, between two pictures: what happened meanwhile is not known
 
 
 class AutoZero:
@@ -35,6 +36,8 @@ class AutoZero:
         """A new reference when it is surely time for one, else None."""
         drift = measure_drift(self.zero, frame, tracks)
         moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
+        if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= MOST_GAP * self._still_s:
+            self.begin_anew()
         self._last = tracks
         if drift.cause in ("contact", "hidden") or drift.unseen > MOST_UNSEEN_ANEW or moved:
             self.begin_anew()

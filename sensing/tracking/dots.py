@@ -110,8 +110,7 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3)))
     mask = _filled(mask, expected)
     padded = cv2.copyMakeBorder(mask, opening, opening, opening, opening, cv2.BORDER_REPLICATE)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (opening, opening))
-    mask = np.ascontiguousarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, kernel)[opening:-opening, opening:-opening])
+    mask = np.ascontiguousarray(_opened(padded, opening)[opening:-opening, opening:-opening])
     count, label, stats, _ = cv2.connectedComponentsWithStats(mask)
     found = []
     for index in range(1, count):
@@ -127,6 +126,13 @@ def _blobs(contrast: NDArray[np.floating], expected: float) -> NDArray[np.float6
             total = weight.sum()
             found.append((x + (weight * columns).sum() / total, y + (weight * rows).sum() / total, diameter, cut))
     return np.array(found, float).reshape(-1, 4)
+
+
+def _opened(mask: Image, size_px: int) -> Image:
+    """Morphological opening by an ellipse. OpenCV's own shifts the mask by a pixel where the size is even."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
+    back = size_px - 1 - size_px // 2  # the middle of the kernel turned by half a turn
+    return cv2.dilate(cv2.erode(mask, kernel), cv2.flip(kernel, -1), anchor=(back, back)).astype(np.uint8)
 
 
 def _filled(mask: Image, expected: float) -> Image:

@@ -15,6 +15,10 @@ Notes:
     grid, refined around the best (variable projection: Golub, Pereyra 1973, doi:10.1137/0710036). Deviations are those
     of the linearised fit, times included, with the residuals' autocorrelation counted. Times that the test cannot
     separate show as one term.
+
+    The g_i are made of readings that scatter, which would make strengths too small, the more the longer the dwell and
+    the lighter the weight (errors in variables: Fuller 1987, Measurement error models, sec. 2.2). So what scatter of
+    the readings' size, white, adds to squares and products is subtracted (:mod:`sensing.weighing.scatter`).
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.errors import EndcapError
+from sensing.weighing.scatter import Scatter, scatter_of, unbiased
 from sensing.wrench.contact import autocorrelation_time
 from sensing.wrench.relaxation import Term, advanced
 
@@ -89,15 +94,16 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     """
     rest_n, dwell, after = _intervals(time_s, force_n, LEAST_LOAD_N * load_scale)
     force_n, used = force_n - rest_n, dwell | after
+    test = _Test(time_s, force_n, dwell, after, _noise_n(force_n, used))
     centre, width = math.log(0.5), math.log(30.0)
     times = np.exp(np.linspace(centre - width, centre + width, GRID))
-    best = _best(time_s, force_n, dwell, after, list(itertools.combinations(times, 2)))
+    best = _best(test, list(itertools.combinations(times, 2)))
     width /= GRID - 1
     while width > RESOLUTION:
         near = np.exp([-width, 0.0, width])
-        found = _best(time_s, force_n, dwell, after, [(best[1][0] * a, best[1][1] * b) for a in near for b in near])
-        best, width = (found, width) if found[0] < best[0] * (1 - 1e-12) else (best, width / 2)
-    terms = _significant(time_s, force_n, dwell, after, best[1])
+        found = _best(test, [(best[1][0] * a, best[1][1] * b) for a in near for b in near])
+        best, width = (found, width) if found[0] < best[0] - 1e-12 * abs(best[0]) else (best, width / 2)
+    terms = _significant(test, best[1])
     if not terms:
         raise DwellError(
             "no rate effect over the noise: the force under the weight does not creep; leave relaxation out, or repeat "
@@ -108,7 +114,22 @@ def fit_dwell(time_s: Array, force_n: Array, load_scale: float = 1.0) -> Dwell:
     level = float(corrected[dwell].mean())
     left = [np.concatenate([f[dwell] - f[dwell].mean(), f[after]]) for f in (force_n, corrected)]
     before_n, after_n = (float(np.sqrt((each**2).mean())) for each in left)
-    return Dwell(terms, rest_n, level, before_n, after_n, _noise_n(force_n, used), used, corrected)
+    return Dwell(terms, rest_n, level, before_n, after_n, test.noise_n, used, corrected)
+
+
+@dataclass(frozen=True)
+class _Test:
+    """Readings of a dwell test: times, s, forces less those before the weight, N, and which are of which part."""
+
+    time_s: Array
+    force_n: Array
+    dwell: NDArray[np.bool_]
+    after: NDArray[np.bool_]
+    noise_n: float
+
+    def scatter(self, taus_s: Sequence[float]) -> Scatter:
+        """What the readings' scatter adds for terms of these relaxation times, s."""
+        return scatter_of(self.time_s, self.dwell | self.after, taus_s, self.noise_n)
 
 
 def _noise_n(force_n: Array, used: NDArray[np.bool_]) -> float:
@@ -181,55 +202,55 @@ def _settled(slope: Array, start: int, way: int) -> int:
     return place
 
 
-def _best(
-    time_s: Array, force_n: Array, dwell: NDArray, after: NDArray, pairs: Sequence[tuple[float, float]]
-) -> tuple[float, tuple[float, float]]:
-    """(least sum of squares, its pair of relaxation times)."""
+def _best(test: _Test, pairs: Sequence[tuple[float, float]]) -> tuple[float, tuple[float, float]]:
+    """(least sum of squares less what scatter adds, its pair of relaxation times)."""
     taus = sorted({tau for pair in pairs for tau in pair})
-    curves = dict(zip(taus, unit_overstress(time_s, force_n, taus), strict=True))
-    results = [
-        (_solved(np.array([curves[tau] for tau in pair]), force_n, dwell, after)[0], (min(pair), max(pair)))
-        for pair in pairs
-    ]
+    curves, scatter = unit_overstress(test.time_s, test.force_n, taus), test.scatter(taus)
+    results = []
+    for pair in pairs:
+        rows = [taus.index(tau) for tau in pair]
+        results.append((_solved(curves[rows], scatter.of(rows), test)[0], (min(pair), max(pair))))
     return min(results)
 
 
-def _solved(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tuple[float, Array, Array]:
-    """(sum of squares, strengths (terms,) of at least zero, design matrix); negative terms are left out."""
-    matrix, wanted = _system(curves, force_n, dwell, after)
+def _solved(curves: Array, scatter: Scatter, test: _Test) -> tuple[float, Array, Array]:
+    """(sum of squares less what scatter adds, strengths (terms,) of at least zero, design matrix)."""
+    matrix, wanted = _system(curves, test)
     strength = np.zeros(len(curves))
     active = list(range(len(curves)))
-    while active:
-        found = np.linalg.lstsq(matrix[:, active], wanted, rcond=None)[0]
+    while active:  # negative terms are left out
+        found, counted = unbiased(matrix[:, active], wanted, scatter.of(active))
         if (found >= 0).all():
+            left = wanted - matrix[:, active] @ found
             strength[active] = found
-            break
+            return (
+                float(left @ left - found @ counted.squares @ found - 2 * found @ counted.with_reading),
+                strength,
+                matrix,
+            )
         del active[int(found.argmin())]
-    left = wanted - matrix @ strength
-    return float(left @ left), strength, matrix
+    return float(wanted @ wanted), strength, matrix
 
 
-def _system(curves: Array, force_n: Array, dwell: NDArray, after: NDArray) -> tuple[Array, Array]:
+def _system(curves: Array, test: _Test) -> tuple[Array, Array]:
     """Design matrix and right-hand side: the dwell without its mean (which eliminates the level), then the rest."""
+    force_n, dwell, after = test.force_n, test.dwell, test.after
     rows = np.vstack([(curves[:, dwell] - curves[:, dwell].mean(axis=1, keepdims=True)).T, curves[:, after].T])
     wanted = -np.concatenate([force_n[dwell] - force_n[dwell].mean(), force_n[after]])
     return rows, wanted
 
 
-def _significant(
-    time_s: Array, force_n: Array, dwell: NDArray, after: NDArray, taus_s: tuple[float, ...]
-) -> tuple[Term, ...]:
+def _significant(test: _Test, taus_s: tuple[float, ...]) -> tuple[Term, ...]:
     """The terms with a significant strength; the weakest of the others is removed first."""
     taus = list(taus_s)
     while taus:
-        curves = unit_overstress(time_s, force_n, taus)
-        square, strength, matrix = _solved(curves, force_n, dwell, after)
-        wanted = _system(curves, force_n, dwell, after)[1]
-        repeated = autocorrelation_time(wanted - matrix @ strength)
-        variance = square / max(1, len(wanted) - 2 * len(taus) - 1) * repeated
-        moved = unit_overstress(time_s, force_n, [tau * (1 + STEP) for tau in taus])
+        curves = unit_overstress(test.time_s, test.force_n, taus)
+        _, strength, matrix = _solved(curves, test.scatter(taus), test)
+        left = _system(curves, test)[1] - matrix @ strength
+        variance = float(left @ left) / max(1, len(left) - 2 * len(taus) - 1) * autocorrelation_time(left)
+        moved = unit_overstress(test.time_s, test.force_n, [tau * (1 + STEP) for tau in taus])
         by_time = strength[:, None] * (moved - curves) / STEP  # derivative by the logarithm of a relaxation time
-        whole = np.hstack([matrix, _system(by_time, force_n, dwell, after)[0]])
+        whole = np.hstack([matrix, _system(by_time, test)[0]])
         scale = np.maximum(np.linalg.norm(whole, axis=0), 1e-12)
         inverse = np.linalg.pinv((whole / scale).T @ (whole / scale), rcond=1e-10) / np.outer(scale, scale)
         sd = np.sqrt(variance * np.diagonal(inverse))[: len(taus)]
@@ -238,11 +259,12 @@ def _significant(
             return tuple(Term(float(b), float(tau), float(s)) for b, tau, s in zip(strength, taus, sd, strict=True))
         del taus[int(ratio.argmin())]
         if taus:
-            taus = [_best_single(time_s, force_n, dwell, after)]
+            taus = [_best_single(test)]
     return ()
 
 
-def _best_single(time_s: Array, force_n: Array, dwell: NDArray, after: NDArray) -> float:
+def _best_single(test: _Test) -> float:
     taus = np.exp(np.linspace(math.log(0.02), math.log(20.0), 60)).tolist()
-    curves = unit_overstress(time_s, force_n, taus)
-    return float(min((_solved(c[None], force_n, dwell, after)[0], tau) for c, tau in zip(curves, taus, strict=True))[1])
+    curves, scatter = unit_overstress(test.time_s, test.force_n, taus), test.scatter(taus)
+    costs = [_solved(curves[k : k + 1], scatter.of([k]), test)[0] for k in range(len(taus))]
+    return float(taus[int(np.argmin(costs))])

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from sensing.records import Wrench
 from sensing.wrench.filter_kernels import correct, mixture, mode_probabilities, predict
+from sensing.wrench.load_scale import RELEASED_RADIUS_MM
 from sensing.wrench.quantiles import chi_square_quantile
 from sensing.wrench.trend import Trend, row_for
 
@@ -43,12 +44,12 @@ MANEUVER_NIS = chi_square_quantile(1 - 1e-5, 6)  # normalised innovation squared
 LOST_NIS = chi_square_quantile(1 - 1e-5, 1)  # the same of one axis, beyond which a steady motion starts again
 TINY = 1e-12  # least variance taken as one, N^2 or (N m)^2
 LEAST_PROBABILITY = 1e-3  # least mode probability, so that a motion can return within some frames
-ARM_M = 0.07  # E: lever arm, about R, between torques about the sphere's centre and forces on the dome
+ARM_M = 0.07  # E: at D=130: lever arm, about R, between torques about the sphere's centre and forces on the dome
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion model of a force; that of a torque is the same for a force with a lever arm of ``ARM_M``.
+    """Motion model of a force; that of a torque is the same for a force with a lever arm of :attr:`FilterConfig.arm_m`.
 
     Attributes:
         walk: noise density of the value, N^2/s.
@@ -83,6 +84,7 @@ class FilterConfig:
             frames of an endcap at rest and held at 13 to 52 N; unlike the whole error, it does not grow with the load).
         ahead_s: longest prediction with a moving value; beyond it the value stays and "stale" is flagged.
         gap_s: after a longer gap between estimates the filter restarts.
+        arm_m: lever arm between torques about the sphere's centre and forces on the dome.
 
     Raises:
         ParameterError: a number out of its range, or no motion.
@@ -94,26 +96,36 @@ class FilterConfig:
     scatter: Array = field(default_factory=lambda: np.array([0.0055, 0.0055, 0.011, 5e-4, 5e-4, 4e-4]))
     ahead_s: float = 0.15
     gap_s: float = 0.5
+    arm_m: float = ARM_M
 
     def __post_init__(self) -> None:
         for name in ("noise", "scatter"):
             deviation = np.broadcast_to(np.asarray(getattr(self, name), float), (6,))
             _require(bool(np.isfinite(deviation).all() and (deviation > 0).all()), name, deviation)
             object.__setattr__(self, name, deviation)
-        for name in ("ahead_s", "gap_s"):
+        for name in ("ahead_s", "gap_s", "arm_m"):
             _require(bool(np.isfinite(getattr(self, name)) and getattr(self, name) > 0), name, getattr(self, name))
         _require(0 < self.memory <= 1, "memory", self.memory, "over 0 and at most 1")
         numbers = [n for motion in self.motions for n in (motion.walk, motion.acceleration, motion.start_rate)]
         good = bool(np.isfinite(numbers).all() and min(numbers, default=-1.0) >= 0)
         _require(good, "motions", self.motions, "one or more, with finite numbers of at least 0")
 
-    def scaled(self, load_scale: float) -> FilterConfig:
-        """The parameters for forces ``load_scale`` times as large (:mod:`sensing.wrench.load_scale`)."""
+    def scaled(self, load_scale: float, radius_mm: float = RELEASED_RADIUS_MM) -> FilterConfig:
+        """The parameters for forces ``load_scale`` times as large (:mod:`sensing.wrench.load_scale`).
+
+        Args:
+            load_scale: of forces; torques scale with the radius, too.
+            radius_mm: of the outer sphere.
+        """
+        longer = radius_mm / RELEASED_RADIUS_MM
+        scale = np.repeat([load_scale, load_scale * longer], 3)
         motions = tuple(
             replace(m, walk=m.walk * load_scale**2, acceleration=m.acceleration * load_scale**2,
                     start_rate=m.start_rate * load_scale) for m in self.motions
         )  # fmt: skip
-        return replace(self, motions=motions, noise=self.noise * load_scale, scatter=self.scatter * load_scale)
+        return replace(
+            self, motions=motions, noise=self.noise * scale, scatter=self.scatter * scale, arm_m=self.arm_m * longer
+        )
 
 
 class WrenchFilter:
@@ -127,7 +139,7 @@ class WrenchFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         self.config = config or FilterConfig()
         self.nis, self.late = float("nan"), 0
-        arm = np.array([1.0] * 3 + [ARM_M] * 3) ** 2
+        arm = np.array([1.0] * 3 + [self.config.arm_m] * 3) ** 2
         motions, self._noise = self.config.motions, np.array(self.config.noise) ** 2
         self._walk = np.array([motion.walk for motion in motions])[:, None] * arm
         self._density = np.array([motion.acceleration for motion in motions])[:, None] * arm

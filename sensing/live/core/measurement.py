@@ -95,7 +95,7 @@ class Measurement:
         scale = endcap.gain * model.load_scale
         self._sphere = endcap.params.outer_radius_mm, endcap.params.centre_height_mm, scale
         self._gate, self._rate = Gate(scale), RateFilter(endcap.relaxation_terms, kept.overstress)
-        self._filter = WrenchFilter(FilterConfig().scaled(scale))
+        self._filter = WrenchFilter(FilterConfig().scaled(scale, endcap.params.outer_radius_mm))
         threshold = model.threshold(endcap.contact_on_n, endcap.contact_off_n, endcap.gain)
         self._detector = ContactDetector(threshold, kept.touching)
         self._drift: Drift | None = None
@@ -182,7 +182,8 @@ class Measurement:
         estimate = self._model.estimator.estimate(look.field)
         if self._check is not None and look.tracks is not None:
             estimate = self._check.widened(estimate, look.tracks)
-        unknown = simulation_spread(estimate.force_n) if self._simulated else 0.0
+        radius_mm = self._endcap.params.outer_radius_mm
+        unknown = simulation_spread(estimate.force_n, radius_mm) if self._simulated else 0.0
         estimate = replace(estimate, covariance=estimate.covariance + unknown, flags=estimate.flags | self._foreign)
         return self._stiffness.applied(estimate)
 

@@ -93,6 +93,16 @@ def test_where_the_lens_folds() -> None:
     assert monotonic_half_angle_deg((1e-300, -1e-310, 0, -1 / 9)) == pytest.approx(np.degrees(1.0))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("k", [(-0.2, 0.01, 0.0, 0.0), (-0.1, 0.0, 0.0, 0.0), (0.05, -0.03, 0.0, 0.0)])
+def test_the_very_edge_of_a_view_that_ends_where_the_lens_folds_has_a_ray(k) -> None:
+    """There the radius is flat: a step over no slope was no number."""
+    lens = FisheyeCamera(640, 480, 247.0, 247.0, 319.5, 239.5, k, monotonic_half_angle_deg(k))
+    angle = np.linspace(0.0, lens.max_half_angle, 500)
+    rays = np.stack([np.sin(angle), np.zeros(500), np.cos(angle)], axis=-1)
+    assert lens.unproject(lens.project(rays)) == pytest.approx(rays, abs=1e-6)
+
+
 def test_area_resize_moves_pixels_as_it_should() -> None:
     points = random_points(100, 60)
     small, size = CAMERA.resized(200, 150), np.array([CAMERA.width_px, CAMERA.height_px])

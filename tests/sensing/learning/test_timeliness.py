@@ -5,7 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cad.params import EndcapParams
 from sensing.learning.timeliness import filtered_score, lag_s
+
+DESIGN = EndcapParams(130.0, 8.0)
 
 
 def test_lag_left_in_is_reported_and_prediction_takes_it_out():
@@ -17,8 +20,9 @@ def test_lag_left_in_is_reported_and_prediction_takes_it_out():
         path=np.repeat(["a", "b"], 90), azimuth_deg=np.zeros(180), contact=np.ones(180, bool),
     )  # fmt: skip
     model = SimpleNamespace(
-        load_scale=1.0, predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
-    )
+        load_scale=1.0, design=DESIGN,
+        predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))),
+    )  # fmt: skip
     assert filtered_score(model, test, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
     assert filtered_score(model, test, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
     assert filtered_score(model, test, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
@@ -33,7 +37,7 @@ def test_late_answers_are_judged_by_the_contact_of_their_own_time():
         azimuth_deg=np.zeros(6), contact=force > 0,
     )  # fmt: skip
     model = SimpleNamespace(
-        load_scale=1.0, predict=lambda inputs: (truth, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
+        load_scale=1.0, design=DESIGN, predict=lambda inputs: (truth, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
     )
     late = filtered_score(model, test, 1.0, predict=False)
     assert late.rest_n == pytest.approx(8.0, rel=0.01)
@@ -53,8 +57,9 @@ def test_the_filter_that_is_scored_is_that_of_the_endcaps_forces():
         )  # fmt: skip
         covariance = np.tile((0.1 * scale) ** 2 * np.eye(6), (90, 1, 1))
         return filtered_score(
-            SimpleNamespace(load_scale=scale, predict=lambda inputs: (scale * seen, covariance)), test, 0.06
-        )
+            SimpleNamespace(load_scale=scale, design=DESIGN, predict=lambda inputs: (scale * seen, covariance)),
+            test, 0.06,
+        )  # fmt: skip
 
     hard, soft = scored(1.0), scored(0.04)
     assert np.array(soft.rmse) == pytest.approx(0.04 * np.array(hard.rmse), rel=1e-6)

@@ -116,12 +116,14 @@ def test_mounting_is_measured_and_taken_out(zero):
     assert np.linalg.norm(without_motion(tracks, motion).displacement_px, axis=1).mean() < 0.15
 
 
-def test_auto_zero_waits_until_surely_untouched(zero):
-    auto = AutoZero(zero, still_s=1.0, frames=4)
-    tracker = DotTracker(zero.frame())
-    touched = still(1, 1.0, TOUCH)[0]
-    assert auto.update(touched, tracker.update(touched)) is None
-    given = [auto.update(f, tracker.update(f)) for f in still(35, 0.7, None, start_s=1.0)]
+@pytest.mark.parametrize(
+    ("touch", "after_s"), [(TOUCH, 1.0), (None, 3600.0), (None, -3600.0)], ids=["touch", "an hour unseen", "set back"]
+)
+def test_auto_zero_waits_until_surely_untouched(zero, touch, after_s):
+    """A time without pictures is none at rest: the first one after it was averaged with those before it."""
+    auto, tracker = AutoZero(zero, still_s=1.0, frames=4), DotTracker(zero.frame())
+    assert not any(auto.update(f, tracker.update(f)) for f in still(5, 1.0, touch))
+    given = [auto.update(f, tracker.update(f)) for f in still(35, 0.7, None, start_s=after_s)]
     first = next(i for i, z in enumerate(given) if z is not None)
     assert 29 <= first <= 33 and abs(given[first].brightness / zero.brightness - 0.7) < 0.05
 

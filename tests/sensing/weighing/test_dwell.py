@@ -6,6 +6,7 @@ from dwell_stand_in import STRENGTH, TAU_S, creep
 
 from sensing import dwell as command
 from sensing.weighing.dwell import DwellError, fit_dwell, unit_overstress
+from sensing.weighing.scatter import scatter_of, unbiased
 
 
 def test_known_constants_come_back():
@@ -16,6 +17,32 @@ def test_known_constants_come_back():
         assert term.strength == pytest.approx(strength, rel=0.15) and term.tau_s == pytest.approx(tau, rel=0.15)
     assert found.before_n > 0.1 and found.after_n < 0.02
     assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
+
+
+def test_a_light_weight_that_stands_long_shows_the_same_constants():
+    """The overstress is made of the readings: their scatter made the short term a fifth too small, three deviations."""
+    runs = [fit_dwell(*creep(weight_n=8.0, dwell_s=40.0, seed=seed)[:2]).terms for seed in (2, 3)]
+    assert np.mean([terms[0].strength for terms in runs]) == pytest.approx(STRENGTH[0], rel=0.08)
+    assert np.mean([terms[0].tau_s for terms in runs]) == pytest.approx(TAU_S[0], rel=0.08)
+
+
+def test_what_scatter_adds_is_that_of_every_reading_by_itself():
+    """A reading alone changes the overstress as a unit force at its time does; independent ones add their squares."""
+    rng, taus = np.random.default_rng(2), [0.05, 0.3, 2.0]
+    time_s = np.cumsum(rng.uniform(0.02, 0.05, 60))
+    used = rng.random(60) < 0.6
+    of_one = np.array([unit_overstress(time_s, unit, taus) for unit in np.eye(60)])  # (reading, term, time)
+    found = scatter_of(time_s, used, taus, 0.1)
+    assert found.squares == pytest.approx(0.01 * np.einsum("rik,rjk->ij", of_one[..., used], of_one[..., used]))
+    assert found.with_reading == pytest.approx(0.01 * of_one[used, :, used].sum(axis=0))
+
+
+def test_nothing_is_subtracted_where_scatter_is_most_of_it():
+    time_s, noise = np.arange(200) / 30, np.random.default_rng(0).normal(size=200)
+    matrix = unit_overstress(time_s, noise, [0.1]).T
+    scatter = scatter_of(time_s, np.ones(200, bool), [0.1], 1.0)
+    strength, counted = unbiased(matrix, -noise, scatter)
+    assert not counted.squares.any() and strength == pytest.approx(np.linalg.lstsq(matrix, -noise, rcond=None)[0])
 
 
 @pytest.mark.parametrize("rest_n", [0.3, -0.3])

@@ -73,6 +73,11 @@ def test_autocorrelation_time_of_a_first_order_process():
     assert autocorrelation_time(rng.normal(size=60000)) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("value", [0.0, 0.125, 0.1, 1e-12, 3e5])
+def test_equal_numbers_have_no_time_whether_or_not_their_mean_is_exact(value):
+    assert autocorrelation_time(np.full(1000, value)) == 1.0
+
+
 @pytest.mark.parametrize(
     ("forces", "rate", "said"),
     [

@@ -63,3 +63,20 @@ def test_what_repeats_is_that_of_the_last_estimate():
         tracker.update(Wrench(k / 30, np.array([0, 0, -5.0]), np.zeros(3), "sphere", sure))
     after = tracker.update(Wrench(40 / 30, np.array([0, 0, -5.0]), np.zeros(3), "sphere", 100 * sure))
     assert after.covariance[2, 2] > 50 * sure[2, 2]
+
+
+@pytest.mark.parametrize(("load_scale", "radius_mm"), [(0.6, 49.45), (1.0, 125.0), (9.8, 125.0)])
+def test_another_dome_is_filtered_as_the_released_one_in_its_own_loads_and_radius(load_scale, radius_mm):
+    """Torques go with forces and the radius: with the released lever those of D=250 scattered 1.5 times as much."""
+    unit = np.repeat([load_scale, load_scale * radius_mm / 65.0], 3)
+    released, other = WrenchFilter(), WrenchFilter(FilterConfig().scaled(load_scale, radius_mm))
+    rng = np.random.default_rng(5)
+    for k in range(200):
+        value = 2.0 * max(0.0, np.sin(k / 20)) * np.array([0, 0, -1, 0.02, 0, 0]) + SCATTER * rng.normal(size=6)
+        one = released.update(Wrench(k / 30, value[:3], value[3:], "sphere", REPORTED))
+        value, covariance = unit * value, REPORTED * np.outer(unit, unit)
+        same = other.update(Wrench(k / 30, value[:3], value[3:], "sphere", covariance))
+        assert np.concatenate([same.force_n, same.torque_nm]) / unit == pytest.approx(
+            np.concatenate([one.force_n, one.torque_nm]), rel=1e-6, abs=1e-9
+        )
+        assert same.covariance / np.outer(unit, unit) == pytest.approx(one.covariance, rel=1e-6)

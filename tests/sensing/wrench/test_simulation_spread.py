@@ -19,11 +19,18 @@ from sensing.wrench.weight_files import BY_SIMILARITY, MADE_BY, SIMULATED
 
 def test_it_grows_with_the_load_and_is_nothing_without():
     force = np.array([3.0, -4.0, 12.0])
-    once, twice = simulation_spread(force), simulation_spread(2 * force)
+    once, twice = simulation_spread(force, 65.0), simulation_spread(2 * force, 65.0)
     deviation = np.sqrt(np.diag(once))
     assert deviation == pytest.approx([13 * FORCE_SHARE] * 3 + [13 * LEVER_M] * 3)
     assert twice == pytest.approx(4 * once)
-    assert not simulation_spread(np.zeros(3)).any()
+    assert not simulation_spread(np.zeros(3), 65.0).any()
+
+
+def test_the_lever_is_a_part_of_the_radius_as_the_mesh_is():
+    force = np.array([3.0, -4.0, 12.0])
+    small, large = (np.sqrt(np.diag(simulation_spread(force, radius_mm))) for radius_mm in (49.45, 125.0))
+    assert large[:3] == pytest.approx(small[:3])
+    assert large[3:] / small[3:] == pytest.approx([125.0 / 49.45] * 3)
 
 
 def test_only_weights_without_a_real_frame_are_widened():

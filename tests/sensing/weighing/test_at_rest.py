@@ -2,16 +2,18 @@
 
 import contextlib
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.gate import DISTURBED
 from sensing.live.core.state import Condition, State
 from sensing.records import DotTracks, Wrench
-from sensing.weighing import session
+from sensing.weighing import robot, session
 from sensing.weighing.at_rest import Rest, RestWatch, _rest, _Row, _still
 from sensing.weighing.film import as_trained
 from sensing.weighing.gain import WeighingError, fit_gain
@@ -144,3 +146,24 @@ def test_of_a_recording_what_the_untouched_endcap_read_before_the_load_is_taken_
 def test_without_a_second_of_rest_before_the_load_nothing_is_taken_out(before):
     rest = watched(reading(k, force) for k, force in enumerate([*before, *[6.1] * 40])).loaded()
     assert rest.wrench[2] == pytest.approx(-6.1) and math.isnan(rest.untouched_n) and rest.note == ""
+
+
+def test_of_a_posture_what_has_left_the_ground_carries_nothing(monkeypatch):
+    """An endcap may touch while the robot comes to rest; only what carries at the end stands."""
+    forces = [*[6.1] * 40, *[0.1] * 10]
+    for last_n, carries in ((6.0, True), (0.1, False)):
+        shown = [reading(k, force) for k, force in enumerate([*forces, *[last_n] * 40])]
+        monkeypatch.setattr(robot, "film_readings", lambda *_, made=shown: made)
+        found = robot._at_rest(EndcapConfig("a", "0"), Path("stand.mcap"), SimpleNamespace(load_scale=1.0))
+        assert (found is not None) == carries and (not carries or found[0] == pytest.approx([0.0, 0.0, -6.0]))
+
+
+def test_forces_and_covariances_of_a_posture_are_in_the_robots_frame(monkeypatch):
+    """This endcap looks along the robot's x: what is uncertain along its axis is uncertain along x."""
+    T = np.array([[0.0, 0.0, 1.0, 50.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    rest = np.array([1.0, 2.0, -9.0]), np.array([[1.0, 0.5, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 9.0]])
+    monkeypatch.setattr(robot, "_at_rest", lambda *_: rest)
+    config = LiveConfig((EndcapConfig("a", "0", T_robot_endcap=T),))
+    force, covariance = robot._forces(config, Path("stand.mcap"), lambda _: None, lambda _: "")
+    assert force["a"] == pytest.approx([-9.0, 2.0, -1.0])
+    assert covariance["a"] == pytest.approx(np.array([[9.0, 0.0, 0.0], [0.0, 2.0, -0.5], [0.0, -0.5, 1.0]]))

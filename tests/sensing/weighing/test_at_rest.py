@@ -17,6 +17,7 @@ from sensing.weighing import robot, session
 from sensing.weighing.at_rest import Rest, RestWatch, _rest, _Row, _still
 from sensing.weighing.film import as_trained
 from sensing.weighing.gain import WeighingError, fit_gain
+from sensing.weighing.store import gain_entries
 from sensing.weighing.words import GRAVITY_M_S2, PoseRequest
 
 
@@ -52,6 +53,14 @@ def test_without_its_gain_an_endcap_touches_at_what_the_weights_would_say():
     plain = as_trained(soft)
     assert (plain.gain, plain.gain_sd) == (1.0, 0.0)
     assert (plain.contact_on_n, plain.contact_off_n) == (0.8, 0.4)  # half as stiff: weights read twice its force
+
+
+def test_a_second_weighing_moves_the_threshold_from_the_gain_before():
+    """It was measured in newtons of the old gain, which need not be one."""
+    soft = EndcapConfig("a", "0", gain=0.5, gain_sd=0.01, contact_on_n=0.4, contact_off_n=0.2)
+    entries = gain_entries(soft, 0.6, 0.01, "0")
+    assert (entries["contact_on_n"], entries["contact_off_n"]) == (0.48, 0.24) and entries["gain"] == 0.6
+    assert "contact_on_n" not in gain_entries(EndcapConfig("a", "0"), 0.6, 0.01, "0")
 
 
 def test_what_the_untouched_endcap_reads_is_no_load(monkeypatch):
@@ -167,3 +176,24 @@ def test_forces_and_covariances_of_a_posture_are_in_the_robots_frame(monkeypatch
     force, covariance = robot._forces(config, Path("stand.mcap"), lambda _: None, lambda _: "")
     assert force["a"] == pytest.approx([-9.0, 2.0, -1.0])
     assert covariance["a"] == pytest.approx(np.array([[9.0, 0.0, 0.0], [0.0, 2.0, -0.5], [0.0, -0.5, 1.0]]))
+
+
+@pytest.mark.parametrize(("count", "long_enough"), [(31, True), (29, False)])
+def test_a_load_has_to_stand_for_a_second(count, long_enough):
+    """Thirty intervals of a thirtieth; the median of the forces counts, not the last one."""
+    watch = watched(reading(k, 6.1 if k == count - 1 else 6.0) for k in range(count))
+    if long_enough:
+        assert watch.pressed().wrench[2] == -6.0 and watch.pressed().readings == count
+    else:
+        with pytest.raises(WeighingError, match="lasts for less than 1 s"):
+            watch.pressed()
+
+
+@pytest.mark.parametrize(("flagged", "counts"), [(1, True), (2, False)])
+def test_one_flagged_reading_of_thirty_does_not_refuse_a_load(flagged, counts):
+    watch = watched(reading(k, 6.0, frozenset({"moved"} if k < flagged else ())) for k in range(31))
+    if counts:
+        assert watch.pressed().readings == 31
+    else:
+        with pytest.raises(WeighingError, match=r"are flagged \(moved\)"):
+            watch.pressed()

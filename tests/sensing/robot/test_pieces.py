@@ -162,12 +162,13 @@ def test_what_begins_anew_is_as_sure_of_its_place_far_from_the_origin_as_there()
     assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("slips", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize("slips", [0.02, 0.5, 0.95])
 def test_the_likelihood_of_a_coefficient_is_that_of_slipping_or_of_holding(slips):
     ratio, sd = 0.5, 0.03
     spread = np.hypot(0.05 * (0.3 + COEFFICIENTS), sd)
     holds = 1 / (1 + np.exp(-1.702 * (COEFFICIENTS - ratio) / spread)) / COEFFICIENTS  # as good as norm.cdf
-    likelihood = (1 - slips) * holds + slips * norm.pdf(COEFFICIENTS, ratio, spread) + 1e-2
+    slips_or_more = max(slips, 0.1)  # so many contacts slip whatever is known of this one
+    likelihood = (1 - slips_or_more) * holds + slips_or_more * norm.pdf(COEFFICIENTS, ratio, spread) + 1e-2
     wanted = FIRST * likelihood**0.15
     wanted = (1 - 5e-4) * wanted / wanted.sum() + 5e-4 * FIRST
     assert learned(FIRST, ratio, sd, slips) == pytest.approx(wanted, rel=2e-3)

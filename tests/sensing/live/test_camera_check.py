@@ -20,11 +20,11 @@ from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
 from sensing.decode import decode_bgr
-from sensing.live.core.camera_check import FLAG, _with_misfit
+from sensing.live.core.camera_check import FLAG, CameraCheck, _with_misfit
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.records import DotTracks, Frame
+from sensing.records import DotTracks, Frame, Wrench
 from sensing.setup import _await_zeros, _camera_kept
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
@@ -219,3 +219,14 @@ def test_where_a_camera_does_not_fit_its_whole_distance_to_the_one_found_is_doub
     exact = SimpleNamespace(mounted=replace(found, covariance=None))
     assert _with_misfit(assumed, SimpleNamespace(found=exact)).covariance == pytest.approx(np.outer(apart, apart))
     assert _with_misfit(assumed, SimpleNamespace(found=None)) is assumed
+
+
+@pytest.mark.parametrize(("noise", "spread", "wanted"), [(1.0, 2.0, 4.0), (None, 2.0, 3.0), (1.0, None, 2.0)])
+def test_doubt_of_the_camera_and_noise_of_its_dots_add_up(noise, spread, wanted):
+    check = object.__new__(CameraCheck)  # without the picture that both come from
+    check._noise, check._spread = (
+        None if size is None else SimpleNamespace(covariance=lambda _, size=size: size * np.eye(6))
+        for size in (noise, spread)
+    )
+    plain = Wrench(0.0, np.zeros(3), np.zeros(3), "sphere", np.eye(6))
+    assert check.widened(plain, None).covariance == pytest.approx(wanted * np.eye(6))

@@ -69,7 +69,7 @@ def test_the_normal_of_a_contact_that_pivots_under_load_is_that_of_its_place(spi
     assert found.use_sd == pytest.approx(0.3 * found.use * share**4, abs=1e-6)  # the ellipsoid is a model
 
 
-def felt(force_n, covariance=None, touching=None):
+def under(force_n, covariance=None, touching=None):
     """The contact of a force straight at a dome's tip, whose frame is turned against the bar's."""
     torque, name = np.zeros(3), ROBOT.endcaps[1].name
     spread = np.eye(6) * 1e-4 if covariance is None else covariance
@@ -78,7 +78,7 @@ def felt(force_n, covariance=None, touching=None):
 
 def test_a_force_and_its_covariance_are_turned_into_the_bars_axes():
     turn, spread = LAYOUT.endcap_turn[1], np.diag([0.1, 0.2, 0.4, 0.01, 0.01, 0.01]) ** 2
-    found = felt([1.0, 2.0, -30.0], spread)
+    found = under([1.0, 2.0, -30.0], spread)
     assert not np.allclose(np.abs(turn), np.eye(3), atol=0.1)  # else nothing is shown
     assert found.force_n == pytest.approx(turn @ [1.0, 2.0, -30.0])
     assert found.force_covariance == pytest.approx(turn @ spread[:3, :3] @ turn.T)
@@ -86,14 +86,14 @@ def test_a_force_and_its_covariance_are_turned_into_the_bars_axes():
 
 @pytest.mark.parametrize(("force_n", "said", "touches"), [(1.0, None, False), (2.0, None, True), (1.0, True, True)])
 def test_a_sample_without_a_contact_bit_touches_from_the_least_force_on(force_n, said, touches):
-    found = felt([0.0, 0.0, -force_n], touching=said)
+    found = under([0.0, 0.0, -force_n], touching=said)
     assert found.touching is touches and found.known == (force_n > 1.5)
 
 
 def test_a_force_under_which_no_dome_could_stay_a_dome_is_no_contact():
     """As a spike of a sensor: at 0.25 mm/N the yield is the radius at 260 N."""
     limit_n = LAYOUT.radius_m[1] / LAYOUT.compliance_m_n(1, Settings())
-    assert felt([0.0, 0.0, -0.9 * limit_n]).known and not felt([0.0, 0.0, -1.1 * limit_n]).known
+    assert under([0.0, 0.0, -0.9 * limit_n]).known and not under([0.0, 0.0, -1.1 * limit_n]).known
 
 
 def test_an_error_of_a_force_is_an_error_of_the_yielding():

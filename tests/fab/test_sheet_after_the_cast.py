@@ -163,6 +163,7 @@ def test_what_is_mixed_pours_the_cast_and_leaves_a_film_in_the_cup(size):
     assert mix.part_a_g + mix.part_b_g >= 1.15 * mix.expected_g
     assert mix.part_a_g / mix.part_b_g == pytest.approx(10.0, rel=0.01)
     casting_words = words_of(casting(sheet_of(*size)))
+    assert "mix 20 g more in the same ratio" in str(judging(sheet_of(*size)))  # another 15 ml of 1.24 g
     assert f"lost {mix.poured_g:.0f} g" in casting_words and f"only {mix.left_g:.0f} g stay" in casting_words
 
 

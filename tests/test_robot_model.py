@@ -199,6 +199,16 @@ def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):
     assert not list(tmp_path.rglob("*.xml"))
 
 
+def test_a_force_that_depends_on_what_is_carried_stops_the_file():
+    pressed = ((1.0, 20.1), (2.0, 20.4))
+    rows = [checked.PressRow(tilt, 2.0, 20.0, 20.0, heavy_n, 0.01 * tilt, False) for tilt, heavy_n in pressed]
+    found = checked.Checked(rows, 0.0, 0.0)
+    assert found.force_error == 0.02
+    failed = [(gate.name, gate.value) for gate in found.gates if not gate.ok]
+    assert failed == [("robot_model.carried_mass_force_ratio", pytest.approx(0.02))]
+    assert all(gate.ok for gate in checked.Checked(rows[:1], 0.0, 0.0).gates)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -32,6 +32,7 @@ DRILL_USE = "holes of the adapter for your robot"  # of rows that are needed onl
 BLANK = re.compile(r"\{(\w+)\}")
 LEVEL_LIES_MM = 3.0  # E: of a spirit level on the dam, at either end
 SPOOL_G = {"PLA": 1000.0, "TPU 95A": 500.0, "PETG": 1000.0}  # of the rows of supplies.csv
+CUP_G, CUP_G_ML = 500.0, 0.05  # E: mass of a cup that the scale carries, too: the least, and of a bucket by its size
 STAYS_IN_BOTTLES = 1.02  # E: ratio of the mass bought to the mass weighed out
 SPARE = 1.1  # E: skirts, brims, and a part that fails
 ESTIMATE_ERROR = 0.15  # E: of the plastic before it is sliced (fab/build_sheet/plastic.py has what was measured)
@@ -119,7 +120,7 @@ def _blanks(mix: Recipe, layout: MoldLayout, robot: str) -> dict[str, str]:
     return {
         "cup_ml": f"{cup_ml:g}",
         "cup_times": str(cup_times),
-        "scale_g": f"{math.ceil(mixed_g / 500) * 500 + 500:g}",
+        "scale_g": f"{math.ceil((mixed_g + max(CUP_G, CUP_G_ML * cup_ml)) / 500) * 500:g}",
         "chamber_l": f"{max(LEAST_CHAMBER_L, math.ceil(CHAMBER_TIMES * cup_ml / 5000) * 5):g}",
         "and_degas": " and degas" if mix.is_degassed else "",
         "level_mm": str(math.ceil(across_dam_mm / 10) * 10),

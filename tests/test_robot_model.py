@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,14 +15,18 @@ from cad.arm_adapter import adapter_part
 from cad.base import base_part
 from cad.camera import camera_part
 from cad.interface import build_flange
+from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
 from endcap.robot_model import __main__ as command
 from endcap.robot_model import checked, folder, usd
 from endcap.robot_model.fasteners import fasteners_inertial, tube_inertial
-from endcap.robot_model.parts import EndcapParts, printed_inertial, solid_inertial
+from endcap.robot_model.parts import EndcapParts, endcap_parts, printed_inertial, solid_inertial
 from endcap.robot_model.urdf import endcap_urdf
+from fab.build_sheet.plastic import estimated_part_g
 from fab.clean import remove_made
-from fab.meshing.mesh import tessellate
+from fab.meshing.mesh import from_manifold, tessellate, to_manifold
+from fab.slice.filaments import filament
+from fab.variant import Variant
 from sensing.simulator.robot_model.model import MOVING_SHARE, robot_model
 
 SIDES_MM = np.array([40.0, 60.0, 100.0])
@@ -72,6 +77,41 @@ def test_base_and_moving_shell_are_together_all_parts():
     assert bodies.whole.mass_kg == pytest.approx(whole.mass_kg)
     assert bodies.whole.centre_m == pytest.approx(whole.centre_m)
     assert bodies.whole.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
+
+
+def test_the_parts_of_an_endcap_weigh_their_materials_and_none_counts_twice(monkeypatch):
+    """Boxes stand in for the CAD: silicone fills the shell less the gyroid, which is TPU, as the flange is."""
+    variant = Variant(MoldLayout(EndcapParams(150.0, 9.0), silicone="Dragon Skin 30"))
+    flange_mm = variant.params.flange_thickness_mm
+    flange, gyroid = (trimesh.creation.box((60.0, 60.0, high)) for high in (flange_mm, 20.0))
+    flange.apply_translation((0.0, 0.0, flange_mm / 2))
+    gyroid.apply_scale((0.5, 0.5, 1.0)).apply_translation((0.0, 0.0, flange_mm + 10.0))
+    interface = from_manifold(to_manifold(flange) + to_manifold(gyroid))
+    bought = ("led_ring", trimesh.creation.box((50.0, 50.0, 2.0))), ("camera", trimesh.creation.box((38.0, 38.0, 20.0)))
+    hardware = [(SimpleNamespace(name="base", material="PLA", role="printed"), box((0, 0, -60)))]
+    hardware += [(SimpleNamespace(name=name, material=name, role="bought"), mesh) for name, mesh in bought]
+    packed = [SimpleNamespace(unpacked=lambda pair=pair: pair) for pair in hardware]
+    screws = tube_inertial((0.0, 0.0), 0.0, 6.0, 0.0, 100.0)
+    stand_ins = {
+        "packed_group": packed,
+        "core_body": None,
+        "shell_part": SimpleNamespace(solid=None),
+        "tessellate": box((0, 0, 60)),
+        "kept_interface_mesh": SimpleNamespace(mesh=interface),
+        "fasteners_inertial": screws,
+    }
+    for name, answer in stand_ins.items():
+        monkeypatch.setattr(f"endcap.robot_model.parts.{name}", lambda *_, answer=answer: answer)
+    made = endcap_parts(variant, lambda _: None)
+    grams = {name: 1000 * part.mass_kg for name, part in made.by_part.items()}
+    gyroid_cm3, flange_cm3 = 30 * 30 * 20 / 1000, 60 * 60 * flange_mm / 1000
+    assert 1000 * made.silicone.mass_kg == pytest.approx(1.08 * (240.0 - gyroid_cm3))
+    assert grams.pop("interface") == pytest.approx(filament("TPU 95A").density_g_cm3 * (gyroid_cm3 + flange_cm3))
+    assert grams.pop("camera") + grams.pop("led_ring") == pytest.approx(35.0)
+    assert grams.pop("fasteners") == pytest.approx(1000 * screws.mass_kg)
+    assert grams.pop("base") == pytest.approx(estimated_part_g("base", "PLA", hardware[0][1])) and not grams
+    assert made.drawn["shell"].bounds == pytest.approx(0.001 * box((0, 0, 60)).bounds)
+    assert made.drawn["base"].bounds[:, 2] == pytest.approx([-0.11, 0.001 * max(flange_mm, 10.0)])  # and no gyroid
 
 
 def test_the_screws_of_the_endcap_weigh_what_their_standards_say(released_meshes):
@@ -157,6 +197,16 @@ def test_a_file_that_creeps_is_not_kept(tmp_path, stub, capsys, monkeypatch):
     assert command.main([f"exports={tmp_path}"]) == 1
     assert "robot_model.creep_mm_s" in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.xml"))
+
+
+def test_a_force_that_depends_on_what_is_carried_stops_the_file():
+    pressed = ((1.0, 20.1), (2.0, 20.4))
+    rows = [checked.PressRow(tilt, 2.0, 20.0, 20.0, heavy_n, 0.01 * tilt, False) for tilt, heavy_n in pressed]
+    found = checked.Checked(rows, 0.0, 0.0)
+    assert found.force_error == 0.02
+    failed = [(gate.name, gate.value) for gate in found.gates if not gate.ok]
+    assert failed == [("robot_model.carried_mass_force_ratio", pytest.approx(0.02))]
+    assert all(gate.ok for gate in checked.Checked(rows[:1], 0.0, 0.0).gates)
 
 
 @pytest.mark.parametrize(

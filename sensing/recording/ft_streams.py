@@ -98,11 +98,12 @@ class NetFt:
         if not 1 <= port <= MOST_PORT:
             raise ParameterError(f"port={port} outside 1..{MOST_PORT}: the NetFT's is {PORT}", name="port", value=port)
         self._address, self._timeout_s, self._clock = (host, port), timeout_s, clock
-        self._times, self._delay_s = SequenceClock(rate_hz, delay_s or 0.0), delay_s
+        self._times, self._delay_s, self._rate_hz = SequenceClock(rate_hz, delay_s or 0.0), delay_s, rate_hz
         self._counts = np.array([counts_per_n] * 3 + [counts_per_nm] * 3)
         self._socket: socket.socket | None = None
         self._asked_s, self._heard_s, self._good_s = 0.0, 0.0, 0.0
         self._first: tuple[int, int] | None = None
+        self._stands = False
         self._kernel_stamps = False
         self.faulty = 0
         self.errors: Counter[str] = Counter()
@@ -211,6 +212,9 @@ class NetFt:
             if self._delay_s is None:
                 self._times.delay_s = max(0.0, min(came_s - self._asked_s, self._timeout_s)) / 2
         stands = sequence == self._first[1] and sent != self._first[0]
+        if stands and not self._stands:  # packets are counted from another number than that at which it stands
+            self._times = SequenceClock(self._rate_hz, self._times.delay_s)
+        self._stands = stands
         return self._times.stamp(sent if stands else sequence, came_s)
 
 

@@ -47,8 +47,10 @@ def test_every_part_screw_and_nut_has_its_line():
 @pytest.mark.parametrize(("grams", "spools"), [(900.0, 1), (950.0, 2), (2000.0, 3)])
 def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
     parts = [{"name": name, "material": "PLA", "quantity": 1} for name in ("base", "hanger", "not_sliced")]
-    plastics = plastic_g(parts, {"base": (100.0, 2.0), "hanger": (grams - 100.0, 2.0), "camera": (50.0, 1.0)})
-    assert plastics == {"PLA": grams}
+    parts.append({"name": "ring_spacer", "material": "PETG", "quantity": 2})
+    figures = {"base": (100.0, 2.0), "hanger": (grams - 100.0, 2.0), "camera": (50.0, 1.0), "ring_spacer": (12.0, 0.2)}
+    plastics = plastic_g(parts, figures)
+    assert plastics == {"PLA": grams, "PETG": 24.0}
     amounts = {
         line.item: line.quantity for line in with_spools(supply_lines(recipe(282e3, OVERFLOW), LAYOUT), plastics)
     }
@@ -57,10 +59,10 @@ def test_as_many_spools_as_the_slices_take_and_a_tenth_to_spare(grams, spools):
 
 def test_spools_of_prints_that_are_not_sliced_follow_the_estimate_and_name_its_range():
     lines = supply_lines(recipe(282e3, OVERFLOW), LAYOUT)
-    found = {line.item: line for line in with_spools(lines, {"PLA": 2000.0, "TPU 95A": 40.0}, is_estimate=True)}
+    found = {line.item: line for line in with_spools(lines, {"PLA": 2130.0, "TPU 95A": 40.0}, is_estimate=True)}
     assert (found["PLA filament"].quantity, found["TPU filament"].quantity) == (3, 1)
     assert found["PLA filament"].pack_usd == pytest.approx(3 * spool_usd("PLA filament"))
-    assert found["PLA filament"].use.endswith("; estimated 1700 to 2300 g until sliced")
+    assert found["PLA filament"].use.endswith("; estimated 1810 to 2450 g until sliced")
     assert found["TPU filament"].use.endswith("; estimated 34 to 46 g until sliced")
     assert "estimated" not in found["PETG filament"].use
 

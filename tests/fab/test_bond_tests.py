@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import f_oneway
 
 from cad.errors import FileError
 from fab.bond_tests.__main__ import draw_boxes, main, report
@@ -248,6 +249,8 @@ def test_welch_by_its_own_formula_and_holm_by_hand():
     tail = np.trapezoid(density, grid)
     assert result.p_mean == pytest.approx(2 * min(tail, 1 - tail), rel=1e-3)
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    away = [np.abs(each - np.median(each)) for each in (a, b)]  # Brown and Forsythe: an analysis of their variance
+    assert result.p_spread == pytest.approx(f_oneway(*away).pvalue)
 
 
 def test_command_from_files_to_figure(tmp_path, capsys):
@@ -281,6 +284,8 @@ def test_a_specimen_without_a_mark_has_its_own_sign_in_the_picture(tmp_path, mon
 
 
 def test_groups_of_one_have_no_interval():
+    (group,) = summarize(specimens("peel", "a", [5.0, 1.0, 4.0, 2.0, 3.0]))
+    assert (group.median_n, group.quartiles_n) == (3.0, (2.0, 4.0)) and group.deviation_n == pytest.approx(2.5**0.5)
     (group,) = summarize(specimens("peel", "a", [3.0]))
     assert (group.count, math.isnan(group.low_n)) == (1, True)
     assert "nan" not in report([group], [])

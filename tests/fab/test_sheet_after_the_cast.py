@@ -158,10 +158,12 @@ def test_a_worn_hole_gets_a_longer_screw_only_where_its_tip_has_room():
 def test_what_is_mixed_pours_the_cast_and_leaves_a_film_in_the_cup(size):
     """At D=98.86 15 % more than the cast left 12.6 g in a cup of 600 ml whose film takes 16."""
     mix = sheet_of(*size).recipe
-    assert mix.left_g >= LEAST_LEFT_MM3 * mix.silicone.density_g_cm3 / 1000
+    assert mix.left_g == pytest.approx(mix.part_a_g + mix.part_b_g - mix.poured_g)
+    assert mix.left_g >= LEAST_LEFT_MM3 * mix.silicone.density_g_cm3 / 1000 > 0.04 * 330 * mix.silicone.density_g_cm3
     assert mix.part_a_g + mix.part_b_g >= 1.15 * mix.expected_g
     assert mix.part_a_g / mix.part_b_g == pytest.approx(10.0, rel=0.01)
     casting_words = words_of(casting(sheet_of(*size)))
+    assert "mix 20 g more in the same ratio" in str(judging(sheet_of(*size)))  # another 15 ml of 1.24 g
     assert f"lost {mix.poured_g:.0f} g" in casting_words and f"only {mix.left_g:.0f} g stay" in casting_words
 
 

@@ -21,6 +21,7 @@ from fab.slice.filaments import filament
 from fab.slice.gcode import read_gcode
 from fab.slice.measure import empty_layers, floating_starts, print_figures, zone_figures
 from fab.slice.pose import laid_down
+from fab.slice.printers import printer
 from fab.slice.project_3mf import Volume, single, write_orca, write_prusa
 from fab.slice.result import slice_project
 from fab.slice.run import NAMES, model_info, slice_to_gcode
@@ -92,6 +93,14 @@ def test_a_line_reaches_half_its_width_beyond_its_moves(tmp_path):
         figures = print_figures(at_edge, filament("PLA"))
         assert figures.outside_bed_mm == pytest.approx(half), side
         assert figures.extent_mm[:2] == pytest.approx(np.ptp(ends, axis=0) + 2 * half)
+    tall = dataclasses.replace(moves, top_mm=moves.top_mm + printer().height_mm)
+    assert print_figures(tall, filament("PLA")).outside_bed_mm == pytest.approx(0.4)
+
+
+def test_grams_are_compared_with_those_that_the_slicer_states(tmp_path):
+    figures = print_figures(read_gcode(written(tmp_path, LINES.replace("7.75", "0.008"))), filament("PLA"))
+    grams = math.pi / 4 * 1.75**2 * 2.6 * 1.24e-3
+    assert figures.grams == pytest.approx(grams) and figures.grams_error == pytest.approx(1 - grams / 0.008)
 
 
 def test_absolute_filament_and_resets_give_the_same_volume(tmp_path):

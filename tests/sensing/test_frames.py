@@ -106,3 +106,13 @@ def test_a_rotation_of_too_few_digits_asks_for_more():
         EndcapConfig("left", "0", T_robot_endcap=T)
     T[:2, :2] = [[0.7071068, -0.7071068], [0.7071068, 0.7071068]]
     assert np.array_equal(EndcapConfig("left", "0", T_robot_endcap=T).T_robot_endcap, T)
+
+
+@pytest.mark.parametrize("reads", [ACTION, REACTION])
+def test_what_a_sensor_reads_without_contact_is_no_load_whatever_its_sign(reads):
+    tare = np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
+    mount = FtMount(pose(np.eye(3), (0.0, 0.0, 20.0)), reads, tare)
+    untouched, pressed = (mount.on_endcap(tare + reads * np.array([0, 0, z, 0, 0, 0]), 0.0) for z in (0.0, -5.0))
+    assert untouched.force_n == pytest.approx(np.zeros(3)) and untouched.torque_nm == pytest.approx(np.zeros(3))
+    assert pressed.force_n == pytest.approx([0.0, 0.0, -5.0])
+    assert mount.reading(pressed) == pytest.approx(tare + reads * np.array([0, 0, -5.0, 0, 0, 0]))

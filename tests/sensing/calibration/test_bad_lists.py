@@ -16,7 +16,7 @@ SIZE = (640, 480)
 GRID = np.stack(np.meshgrid(np.arange(4.0), np.arange(4.0)), -1).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "\u0663", "1_0", "", "1e30", "1" * 400])
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "\u0663", "1_0", "", "1e30", "-1e30", "1" * 400])
 def test_a_coordinate_that_is_no_place_is_named_by_its_line(tmp_path, text):
     (tmp_path / "dots.csv").write_text(f"u_px,v_px\n1,2\n3,{text}\n", encoding="utf-8")
     with warnings.catch_warnings(), pytest.raises(FileError, match="line 3"):

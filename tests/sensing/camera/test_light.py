@@ -20,6 +20,7 @@ def test_a_white_band_is_too_bright_though_the_median_is_not():
     assert banded.white_share == pytest.approx(20 * 200 / (np.pi * 114**2), rel=0.01)
     assert banded.too_bright and not plain.too_bright and not banded.too_dark
     assert light_of(disc(40)).too_dark and light_of(disc(250)).too_bright
+    assert [light_of(disc(gray)).white_share for gray in (249, 250)] == [0.0, 1.0]
 
 
 def test_of_colours_blue_and_green_count():

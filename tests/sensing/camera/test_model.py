@@ -142,6 +142,26 @@ def test_a_pixel_is_followed_to_where_its_ray_leaves_the_sphere() -> None:
         assert np.isnan(mounted.on_sphere(np.array([[20.0, 240.0]]), [0, 0, 200.0], 10.0)).all()  # it misses
 
 
+@pytest.mark.parametrize("size_px", [(640, 360), (1280, 480)])
+def test_pictures_that_differ_in_one_side_alone_are_refused(size_px) -> None:
+    mount(CAMERA, [0, 0, 17.0]).require_size((640, 480))
+    with pytest.raises(ParameterError, match=f"the pictures have {size_px[0]}x{size_px[1]}"):
+        mount(CAMERA, [0, 0, 17.0]).require_size(size_px)
+
+
+@pytest.mark.parametrize("fault", ["shape", "not symmetric", "negative variance", "correlated by more than one", "NaN"])
+def test_what_is_no_covariance_is_refused(fault) -> None:
+    sd = 10.0 ** np.linspace(-8, 1, 11)  # units differ: each number counts against its own deviation
+    covariance = np.outer(sd, sd) * (0.5 * np.eye(11) + 0.5)
+    good = mount(CAMERA, [0, 0, 17.0])
+    assert MountedCamera(CAMERA, good.T_camera_endcap, covariance).covariance is not None
+    covariance[0, 1] *= {"not symmetric": 1.1}.get(fault, 1.0)
+    covariance[:2, :2] *= {"correlated by more than one": [[1.0, 2.1], [2.1, 1.0]]}.get(fault, 1.0)
+    covariance[0, 0] *= {"negative variance": -1.0, "NaN": np.nan}.get(fault, 1.0)
+    with pytest.raises(ParameterError, match="a 11x11 covariance"):
+        MountedCamera(CAMERA, good.T_camera_endcap, covariance[1:] if fault == "shape" else covariance)
+
+
 def test_bad_input_is_refused(tmp_path) -> None:
     with pytest.raises(ParameterError, match="fx_px=-1"):
         FisheyeCamera(640, 480, -1, 240, 320, 240)

@@ -46,10 +46,12 @@ def test_a_frame_beyond_the_last_edge_is_counted():
     assert sum(cell.frames for cell in cells(answers(np.array([3.0, 59.0, 341.0])))) == 3
 
 
-def test_frames_far_off_are_counted_with_and_without_a_flag():
-    far = replace(answers(np.array([3.0, 3.5, 4.0, 4.5]), off_n=1.2), flagged=np.array([True, False, True, True]))
+@pytest.mark.parametrize("off_n", [2.0, -2.0])
+def test_frames_far_off_are_counted_with_and_without_a_flag(off_n):
+    far = replace(answers(np.array([3.0, 3.5, 4.0, 4.5]), off_n), flagged=np.array([True, False, True, True]))
     near = answers(np.array([3.0, 3.5]), off_n=0.9)
-    assert [(cell.far, cell.far_flagged) for cell in cells(far)] == [(4, 3)]
+    assert [(cell.far, cell.far_flagged, cell.bias[2]) for cell in cells(far)] == [(4, 3, off_n)]
+    assert cells(far)[0].coverage == pytest.approx(5 / 6)  # 2 standard deviations are beyond 1.96, the other axes right
     assert "3 of 4" in cell_tables(cells(far)) and cells(near)[0].far == 0
 
 

@@ -135,7 +135,6 @@ def test_frames_of_another_endcap_are_refused_before_they_are_answered(tmp_path:
             intervals.with_intervals(load_wrench_model(), [folder])
 
 
-@pytest.mark.long
 def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     manifest = {"format": 2, "phases": [], "request": {"protocol": "wide", "seed": 1}}
     rng = np.random.default_rng(3)
@@ -150,6 +149,7 @@ def test_a_model_gets_the_scale_and_says_from_what(monkeypatch: pytest.MonkeyPat
     scale, tracking = intervals.widths(intervals._joined(list(known.values()), path), onset_n_of(model.weights))
     assert np.allclose(scaled.weights["calibration"] / model.weights["calibration"], scale, rtol=1e-6)
     assert np.allclose(tracking_of(scaled.weights), tracking, rtol=1e-6) and tracking.any()
+    assert scaled.range.interval_n == pytest.approx(model.range.interval_n * scale[:3].min()) != model.range.interval_n
     fields = rng.standard_normal((200, model.weights["linear"].shape[1])) * rng.uniform(0, 0.3, (200, 1))
     before, after = (m.range.is_beyond(*m.predict(fields), 65.0) for m in (model, scaled))
     assert before.any() and not before.all() and (after | ~before).all()  # what was flagged stays flagged

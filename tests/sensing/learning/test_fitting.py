@@ -201,3 +201,13 @@ def test_weights_that_saw_no_recorded_path_state_so(data):
 def test_weights_name_the_folders_that_they_saw_though_a_name_has_a_space(data):
     seen = replace(data, sources=("/home/jane doe/set one", "exports/train"))
     assert provenance(seen, QUICK, None)["sources"] == ["set one", "train"]
+
+
+def test_where_fields_say_nothing_of_paths_left_out_the_ridge_holds_still():
+    """Errors of the paths that were fitted would choose the least lambda."""
+    rng = np.random.default_rng(2)
+    inputs, wrenches, path = rng.normal(size=(60, 8)), rng.normal(size=(60, 6)), np.repeat(np.arange(20), 3)
+    weights, share = fit_ridge(inputs, wrenches, path, 2)
+    assert share >= 0.1
+    other, same = fit_ridge(100.0 * inputs, wrenches, path, 2)  # another unit of the fields
+    assert same == share and 100.0 * other == pytest.approx(weights, rel=1e-6)

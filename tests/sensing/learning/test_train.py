@@ -196,6 +196,7 @@ def test_scores_of_known_errors():
     reported = truth + np.array([0.1, 0, 0, 0, 0, 0.01])
     reported[3, 2] = 0.5
     covariance = np.tile(np.diag([0.01, 1, 1, 1, 1, 1e-6]), (4, 1, 1))
+    covariance[2:] = 0.0  # without contact: not counted
     s = score(reported, truth, np.array([True, True, False, False]), covariance)
     assert s.rmse[0] == pytest.approx(0.1) and s.rmse[2] == pytest.approx(0.25) and s.mae[5] == pytest.approx(0.01)
     assert s.mixed_mse == pytest.approx((0.01 * 4 + 0.25 + 1e-4 * 4) / 24)

@@ -20,11 +20,11 @@ from sensing.camera.mount import MountedCamera, mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens, nominal_mount
 from sensing.camera.parameters import camera_at, camera_vector
 from sensing.decode import decode_bgr
-from sensing.live.core.camera_check import FLAG
+from sensing.live.core.camera_check import FLAG, CameraCheck, _with_misfit
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
-from sensing.records import DotTracks, Frame
+from sensing.records import DotTracks, Frame, Wrench
 from sensing.setup import _await_zeros, _camera_kept
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
@@ -207,3 +207,26 @@ def test_a_camera_that_may_not_see_the_dots_one_deviation_away_is_moved_by_less(
     moved_px = np.array([[1.0, 2.0], [3.0, 4.0]])
     tracks = DotTracks(0.0, np.arange(2), np.zeros((2, 2)), moved_px, np.ones(2), ~known, (640, 480))
     assert np.abs(spread.deviations(tracks)[0]) == pytest.approx(3.0 * np.abs(slope @ moved_px.T.ravel()))
+
+
+def test_where_a_camera_does_not_fit_its_whole_distance_to_the_one_found_is_doubted():
+    """The numbers of a camera are off together, and the one found is itself not exact."""
+    assumed, apart = nominal_mount(PARAMS), np.linspace(0.01, 0.11, 11)
+    own = np.diag(np.linspace(1.0, 2.0, 11))
+    found = replace(camera_at(camera_vector(assumed) + apart, assumed), covariance=own)
+    doubted = _with_misfit(assumed, SimpleNamespace(found=SimpleNamespace(mounted=found)))
+    assert doubted.camera == assumed.camera and doubted.covariance == pytest.approx(np.outer(apart, apart) + own)
+    exact = SimpleNamespace(mounted=replace(found, covariance=None))
+    assert _with_misfit(assumed, SimpleNamespace(found=exact)).covariance == pytest.approx(np.outer(apart, apart))
+    assert _with_misfit(assumed, SimpleNamespace(found=None)) is assumed
+
+
+@pytest.mark.parametrize(("noise", "spread", "wanted"), [(1.0, 2.0, 4.0), (None, 2.0, 3.0), (1.0, None, 2.0)])
+def test_doubt_of_the_camera_and_noise_of_its_dots_add_up(noise, spread, wanted):
+    check = object.__new__(CameraCheck)  # without the picture that both come from
+    check._noise, check._spread = (
+        None if size is None else SimpleNamespace(covariance=lambda _, size=size: size * np.eye(6))
+        for size in (noise, spread)
+    )
+    plain = Wrench(0.0, np.zeros(3), np.zeros(3), "sphere", np.eye(6))
+    assert check.widened(plain, None).covariance == pytest.approx(wanted * np.eye(6))

@@ -25,7 +25,7 @@ from sensing.records import Frame
 from sensing.simulator.render.dome import DomeRenderer
 from sensing.simulator.render.settings import RenderSettings
 from sensing.tracking.zero import Zero, load_zero, save_zero, single_zero, take_zero
-from sensing.wrench.dot_noise import STILL_PX
+from sensing.wrench.dot_noise import LEVELS_PX, STILL_PX, DotNoise
 
 PARAMS = EndcapParams(130, 8)
 ENDCAP = EndcapConfig("endcap_0", "test")
@@ -165,3 +165,12 @@ def test_noise_that_is_no_number_of_pixels_is_damage(zero, error_px, tmp_path):
 
     with pytest.raises(FileError, match="dots that scatter by"):
         with_error(tmp_path / "run.mcap", zero, Message)
+
+
+@pytest.mark.parametrize("excess_px", [0.0, 0.003, 0.005, 0.1, 0.32, 0.5])
+def test_between_the_drawn_levels_and_beyond_them_the_covariance_goes_with_the_square(excess_px, monkeypatch):
+    noise = object.__new__(DotNoise)  # without its draws
+    noise._squares = np.square(LEVELS_PX)
+    noise._drawn = noise._squares[:, None, None] * np.diag(np.arange(1.0, 7.0))
+    monkeypatch.setattr(DotNoise, "excess_px", lambda *_: excess_px)
+    assert noise.covariance(None) == pytest.approx(excess_px**2 * np.diag(np.arange(1.0, 7.0)))

@@ -39,8 +39,8 @@ def presses(model) -> list[ShearField]:
 
 
 def reason_of(model, field: ShearField, gain: float = 1.0) -> str:
-    watch = LoadWatch(model, gain)
-    watch.update(field, model.estimate(field), touching=False)
+    watch, estimate = LoadWatch(model, gain), model.estimate(field)
+    watch.update(field, replace(estimate, force_n=gain * estimate.force_n), touching=False)
     return watch.reason
 
 
@@ -58,6 +58,8 @@ def test_the_end_of_a_press_under_which_the_reference_was_taken_is_named_with_it
     assert len(named) > 20 and np.mean(named) > 0.75
     load, field = light[0]
     assert f"press of {2 * load:.1f} N" in reason_of(model, field, gain=2.0)
+    load, field = min((one for one in unflagged if reason_of(model, one[1])), key=lambda one: one[0])
+    assert load < 3 and f"press of {load / 4:.1f} N" in reason_of(model, field, gain=0.25)  # its limit goes along
 
 
 def test_little_motion_and_models_of_other_kinds_say_nothing(model, presses):

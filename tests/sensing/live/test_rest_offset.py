@@ -30,6 +30,9 @@ def test_what_lasts_without_a_touch_is_in_the_standard_deviations_and_stays_unde
     noisy = OFFSET + rng.normal(0, SD_N, (75, 6)) * [1, 1, 1, 0.01, 0.01, 0.01]
     then_s = given(offset, noisy, 5.0)
     assert stated(offset)[:3] == pytest.approx(np.hypot(SD_N, np.abs(OFFSET[:3])), abs=0.005)
+    assert offset.widened(Wrench(0.0, *np.zeros((2, 3)), "sphere", np.zeros((6, 6)))).covariance == pytest.approx(
+        np.outer(offset.state, offset.state)
+    )  # one error: its axes go together
     before = stated(offset)
     then_s = given(offset, 50 * OFFSET[None].repeat(90, 0), then_s, touching=True)
     assert np.array_equal(stated(offset), before)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sensing.live.core.gate import Gate, torn_row
+from sensing.live.core.gate import Gate, disturbed_dots, torn_row
 from sensing.live.core.state import Event
 from sensing.records import DotTracks, Frame, Wrench
 
@@ -72,3 +72,19 @@ def test_a_step_of_a_tear_counts_by_the_size_of_the_picture(rows, is_torn):
     moved = places + np.outer(places[:, 1] > 240 * scale, [1.5, 0.0])  # px
     found = torn_row(DotTracks(0.0, np.arange(60), places, moved, np.ones(60), np.zeros(60, bool), size))
     assert bool(found) is is_torn
+
+
+@pytest.mark.parametrize(
+    ("force_n", "load_scale", "clear"),
+    [(0.0, 1.0, 0.985), (20.0, 1.0, 0.965), (1.0, 0.05, 0.965), (200.0, 10.0, 0.965), (500.0, 1.0, 0.94)],
+)
+def test_what_a_dot_may_lose_by_a_press_is_counted_in_the_newtons_of_the_dome(force_n, load_scale, clear):
+    quality, lost = np.array([clear - 5e-4, clear + 5e-4, 1.0]), np.array([False, False, True])
+    tracks = DotTracks(0.0, np.arange(3), PLACES[:3], PLACES[:3], quality, lost, SIZE)
+    found = disturbed_dots(tracks, np.array([0.0, 0.6, -0.8]) * force_n, load_scale)
+    assert found.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(("force_n", "is_step"), [(0.03, True), (0.02, False)])
+def test_a_step_is_counted_in_the_newtons_of_the_dome(force_n, is_step):
+    assert judged(Gate(0.07), force_n).held is is_step  # 0.35 N at D=130 T=8

@@ -20,7 +20,9 @@ PATIENCE_S = 60.0
 class Unit(threading.Thread):
     """What a NetFT does on its UDP port, written from the public protocol: waits for the request, then streams."""
 
-    def __init__(self, count=400, step_s=0.002, silent=False, status=0, delay_s=0.0, gain=1.0, per_packet=10):
+    def __init__(
+        self, count=400, step_s=0.002, silent=False, status=0, delay_s=0.0, gain=1.0, per_packet=10, per_nm=1e6
+    ):
         super().__init__(daemon=True)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
@@ -28,7 +30,7 @@ class Unit(threading.Thread):
         self.port = self.socket.getsockname()[1]
         self.count, self.step_s, self.silent, self.heard = count, step_s, silent, []
         self.status, self.delay_s, self.gain, self.per_packet = status, delay_s, gain, per_packet
-        self.sent = 0
+        self.sent, self.per_nm = 0, per_nm
 
     def clock(self):
         """Seconds as the unit's own packets count them, however slow this computer is."""
@@ -41,7 +43,8 @@ class Unit(threading.Thread):
         if not self.silent:
             self.socket.sendto(b"junk", who)
             for number in range(self.count):
-                counts = [int(1e6 * self.gain * v) for v in (0.1 * number, -2.0, 3.0, 0.01, 0.02, -0.03)]
+                counts = [int(1e6 * self.gain * v) for v in (0.1 * number, -2.0, 3.0)]
+                counts += [int(self.per_nm * self.gain * v) for v in (0.01, 0.02, -0.03)]
                 ticks = self.per_packet * number
                 self.sent = number
                 self.socket.sendto(struct.pack(">III6i", number, ticks, self.status, *counts), who)
@@ -53,8 +56,10 @@ class Unit(threading.Thread):
 def test_netft_streams_in_its_own_units_and_is_reported_to_stop(monkeypatch):
     stamps, stamp = [], SequenceClock.stamp
     monkeypatch.setattr(SequenceClock, "stamp", lambda *call: stamps.append((*call[1:], stamp(*call))) or stamps[-1][2])
-    unit = Unit(count=60)
-    stream, samples = first_samples(unit, 60, rate_hz=5000.0, delay_s=0.0, clock=unit.clock)
+    unit = Unit(count=60, per_nm=2e7)  # a torque has other counts than a force on many units
+    stream, samples = first_samples(
+        unit, 60, rate_hz=5000.0, delay_s=0.0, clock=unit.clock, counts_per_nm=2e7
+    )  # fmt: skip
     assert stream.faulty == 1
     unit.join(PATIENCE_S)
     assert unit.heard == [(0x1234, 2, 0), (0x1234, 0, 0)]
@@ -78,11 +83,21 @@ def arrivals(rate_hz, seconds=20.0, packets_hz=500.0, late_s=0.004, drift=0.0, s
 def test_sampling_times_follow_what_the_sensor_counts(rate_hz, given):
     counts, taken, came = arrivals(rate_hz)
     clock = SequenceClock(rate_hz if given else None)
-    times = np.array([clock.stamp(int(c) + 4294960000, t) for c, t in zip(counts, came, strict=True)])  # it wraps
+    wrapped = (counts + 4294960000) % 2**32
+    times = np.array([clock.stamp(int(c), t) for c, t in zip(wrapped, came, strict=True)])
     off = times - taken
     assert np.abs(off[1000:]).max() < 1e-3 and np.abs(off).max() < 0.05  # 7000 Hz for a sensor of 500: 18 s
     assert np.std(off[1000:]) < 0.05 * np.std(came - taken)
     assert clock.rate_hz == pytest.approx(rate_hz, rel=1e-3)
+
+
+@pytest.mark.parametrize("stands_at", [0, 7, 90_000])
+def test_of_a_unit_whose_sequence_stands_still_the_packets_are_counted(stands_at):
+    """At 90,000 none of the first three minutes counted: samples were stamped as they came, 30 ms late."""
+    counts, taken, came = arrivals(500.0)
+    stream = NetFt("127.0.0.1", delay_s=0.0)
+    off = np.array([stream._stamped(int(c) + 1, stands_at, t) for c, t in zip(counts, came, strict=True)]) - taken
+    assert np.abs(off[1000:]).max() < 1e-3 and np.abs(off).max() < 0.05
 
 
 def test_a_clock_that_drifts_is_followed_and_one_that_begins_anew_too():
@@ -93,10 +108,29 @@ def test_a_clock_that_drifts_is_followed_and_one_that_begins_anew_too():
     assert np.abs(off[100:10000]).max() < 2e-3 and np.abs(off[10100:]).max() < 2e-3
 
 
-def test_a_rate_that_is_not_the_sensors_is_refused():
+def test_a_clock_whose_rate_changes_is_followed():
+    """As it warms up: one line through ten minutes was off by 0.12 s at their end."""
+    counts, taken, came = arrivals(1000.0, seconds=600.0, packets_hz=50.0)
+    for drift in (2e-4, -2e-4):
+        late, clock = counts + np.rint(drift * np.minimum(counts, 600_000 - counts)).astype(int), SequenceClock()
+        off = np.array([clock.stamp(int(c), t) for c, t in zip(late, came, strict=True)]) - taken
+        assert np.abs(off[100:15000]).max() < 2e-3 and np.abs(off[25000:]).max() < 2e-3
+
+
+@pytest.mark.parametrize("given_hz", [985.0, 1001.0, 1015.0])
+def test_a_rate_that_is_a_little_off_is_replaced_by_the_sensors_own(given_hz):
+    """At 1001 instead of 1000 Hz samples were dated 0.1 s early after 100 s, at 1015 Hz by 1.5 s, without a word."""
+    counts, taken, came = arrivals(1000.0, seconds=150.0, packets_hz=50.0)
+    clock = SequenceClock(given_hz)
+    off = np.array([clock.stamp(int(c), t) for c, t in zip(counts, came, strict=True)]) - taken
+    assert np.abs(off[200:]).max() < 2e-3 and np.abs(off).max() < 0.05
+
+
+@pytest.mark.parametrize("given_hz", [970.0, 1030.0, 7000.0])
+def test_a_rate_that_is_not_the_sensors_is_refused(given_hz):
     counts, _, came = arrivals(1000.0, seconds=4.0)
-    clock = SequenceClock(7000.0)
-    with pytest.raises(RateError, match="counts 1000 times a second, not 7000: leave --ft-rate out"):
+    clock = SequenceClock(given_hz)
+    with pytest.raises(RateError, match=f"counts 1000 times a second, not {given_hz:g}: leave --ft-rate out"):
         for c, t in zip(counts, came, strict=True):
             clock.stamp(int(c), t)
 
@@ -167,6 +201,10 @@ def test_half_the_answer_time_is_taken_for_the_delay_unless_it_is_known():
     assert 0.041 <= stream._times.delay_s < took_s / 2 and "ms on the way" in stream.note
     stream, _ = first_samples(Unit(count=30, delay_s=0.082), delay_s=0.01)
     assert stream._times.delay_s == 0.01
+    stream = NetFt("127.0.0.1")
+    stream._asked_s = 10.0
+    stream._stamped(0, 0, 10.08)
+    assert stream._times.delay_s == pytest.approx(0.04)
     with pytest.raises(ParameterError, match="delay_s=3"):
         NetFt("127.0.0.1", delay_s=3)
 

@@ -89,9 +89,11 @@ def test_pairs_are_interpolated_within_the_slop_only():
     sync.add(FtSample(0.5, np.full(6, 50.0)))
     assert sync.at(0.3) is None  # neighbours further than the slop
     sync.add(FtSample(0.48, np.full(6, 48.0)))  # out of order, within the slop: taken
-    assert np.allclose(sync.at(0.49), 49.0)
+    assert np.allclose(sync.at(0.485), 48.5)
     sync.add(FtSample(0.56, np.full(6, 56.0)))
-    assert sync.at(0.505) is None  # one of them further than the slop
+    assert sync.at(0.505) is None and sync.at(0.555) is None  # the one after it, the one before it too far away
+    with pytest.raises(ClockError, match="frame"):
+        sync.at(0.554)  # frames come in order
     with pytest.raises(ParameterError, match="slop_s=5"):
         Synchroniser(5.0)
 

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from standing_robot import feed, standing_samples
 
+from cad.errors import ParameterError
 from sensing.live.outputs.ros import types as ros
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.layout import layout_of
 from sensing.robot.node import messages
 from sensing.robot.node.record import estimate_text
+from sensing.robot.samples_check import SampleCheck
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -137,3 +140,44 @@ def test_forces_that_jump_move_neither_pose_nor_softness(factor, frames):
     assert np.linalg.norm(found.centre_of_mass_m - wanted.centre_of_mass_m) < 1e-3
     state = spiked._history.at(spiked.newest_s).state
     assert state.contact_s[0] == max(times)  # it counts again
+
+
+def checked(sample, newest_s=1.0):
+    return SampleCheck(layout_of(ROBOT)).usable(sample, newest_s)
+
+
+def imu(**changed) -> InertialSample:
+    sensor = next(sensor.name for sensor in ROBOT.sensors if sensor.accelerometer)
+    return replace(InertialSample(1.0, sensor, np.zeros(3), np.array([0.0, 0.0, 9.8])), **changed)
+
+
+def foot(force_n=0.0, torque_nm=0.0) -> FootSample:
+    return FootSample(1.0, "endcap_0", np.array([0.0, 0.0, force_n]), np.array([0.0, 0.0, torque_nm]))
+
+
+@pytest.mark.parametrize(
+    ("possible", "impossible"),
+    [
+        (imu(rate_rad_s=np.full(3, 74.0)), imu(rate_rad_s=np.full(3, -76.0))),
+        (imu(acceleration_m_s2=np.full(3, -990.0)), imu(acceleration_m_s2=np.full(3, 1010.0))),
+        (imu(acceleration_m_s2=None), imu(acceleration_m_s2=np.array([0.0, np.nan, 9.8]))),
+        (foot(force_n=-11_000.0), foot(force_n=13_000.0)),  # a hundred times its weight of 12 kg, over 1000 N
+        (foot(torque_nm=-11_000.0), foot(torque_nm=13_000.0)),  # at a lever of a metre
+    ],
+    ids=["rate", "acceleration", "NaN", "force", "torque"],
+)
+def test_what_a_sensor_may_measure_ends_where_it_should(possible, impossible):
+    assert checked(possible) is possible and checked(impossible) is None
+
+
+def test_an_impossible_number_is_named_for_ten_seconds():
+    check = SampleCheck(layout_of(ROBOT))
+    check.usable(imu(rate_rad_s=np.full(3, 80.0)), 1.0)
+    assert [len(check.notes(time_s)) for time_s in (1.0, 10.9, 11.1)] == [1, 1, 0]
+
+
+def test_samples_of_two_clocks_are_those_more_than_a_minute_apart():
+    """One as far ahead may follow a pause."""
+    assert checked(imu(), newest_s=60.9) is not None and checked(imu(), newest_s=-1000.0) is not None
+    with pytest.raises(ParameterError, match=r"time_s=1\.000 is 60 s before the other samples"):
+        checked(imu(), newest_s=61.1)

@@ -12,16 +12,17 @@ from standing_robot import feed, standing_samples
 
 from sensing.robot.contact import contact_of
 from sensing.robot.contacts import _learn_normal
-from sensing.robot.dome import dome_centre, unloaded
+from sensing.robot.dome import count_load, dome_centre, unloaded
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.friction import COEFFICIENTS, FIRST, learned
+from sensing.robot.jump import jumps
 from sensing.robot.layout import layout_of
 from sensing.robot.measurement_kernels import correct
 from sensing.robot.report import report_of
 from sensing.robot.settings import Settings
 from sensing.robot.silence import MOVES_M_S, TURNS_RAD_S, follow_on, hold
 from sensing.robot.start import gather, goes_on, nothing_gathered
-from sensing.robot.state import empty_state
+from sensing.robot.state import MEAN_WEIGHT, empty_state
 from sensing.tensegrity.robot_file import load_robot
 from sensing.tensegrity.samples import FootSample, InertialSample
 from sensing.tensegrity.shape import rotation_of
@@ -59,10 +60,40 @@ def test_the_normal_of_a_contact_that_pivots_under_load_is_that_of_its_place(spi
     force = -40.0 * normal + 16.0 * along
     torque = np.cross(height * np.array([0.0, 0.0, 1.0]) + radius * normal, force) + 40.0 * spin_m * normal
     found = contact_of(
-        FootSample(0.0, ROBOT.endcaps[0].name, force, torque, np.eye(6) * 1e-4, True), 0, LAYOUT, Settings()
+        FootSample(0.0, ROBOT.endcaps[0].name, force, torque, np.eye(6) * 1e-16, True), 0, LAYOUT, Settings()
     )
     assert found.normal == pytest.approx(LAYOUT.endcap_turn[0] @ normal, abs=1e-9)
     assert (found.push_n, found.ratio, found.spin_m) == pytest.approx((40.0, 0.4, abs(spin_m)))
+    share = abs(spin_m) / 0.01  # of the largest torque about the normal; the rest of the friction is left to the force
+    assert found.use == pytest.approx(0.4 / np.sqrt(1 - share**2))
+    assert found.use_sd == pytest.approx(0.3 * found.use * share**4, abs=1e-6)  # the ellipsoid is a model
+
+
+def under(force_n, covariance=None, touching=None):
+    """The contact of a force straight at a dome's tip, whose frame is turned against the bar's."""
+    torque, name = np.zeros(3), ROBOT.endcaps[1].name
+    spread = np.eye(6) * 1e-4 if covariance is None else covariance
+    return contact_of(FootSample(0.0, name, np.array(force_n), torque, spread, touching), 1, LAYOUT, Settings())
+
+
+def test_a_force_and_its_covariance_are_turned_into_the_bars_axes():
+    turn, spread = LAYOUT.endcap_turn[1], np.diag([0.1, 0.2, 0.4, 0.01, 0.01, 0.01]) ** 2
+    found = under([1.0, 2.0, -30.0], spread)
+    assert not np.allclose(np.abs(turn), np.eye(3), atol=0.1)  # else nothing is shown
+    assert found.force_n == pytest.approx(turn @ [1.0, 2.0, -30.0])
+    assert found.force_covariance == pytest.approx(turn @ spread[:3, :3] @ turn.T)
+
+
+@pytest.mark.parametrize(("force_n", "said", "touches"), [(1.0, None, False), (2.0, None, True), (1.0, True, True)])
+def test_a_sample_without_a_contact_bit_touches_from_the_least_force_on(force_n, said, touches):
+    found = under([0.0, 0.0, -force_n], touching=said)
+    assert found.touching is touches and found.known == (force_n > 1.5)
+
+
+def test_a_force_under_which_no_dome_could_stay_a_dome_is_no_contact():
+    """As a spike of a sensor: at 0.25 mm/N the yield is the radius at 260 N."""
+    limit_n = LAYOUT.radius_m[1] / LAYOUT.compliance_m_n(1, Settings())
+    assert under([0.0, 0.0, -0.9 * limit_n]).known and not under([0.0, 0.0, -1.1 * limit_n]).known
 
 
 def test_an_error_of_a_force_is_an_error_of_the_yielding():
@@ -131,12 +162,13 @@ def test_what_begins_anew_is_as_sure_of_its_place_far_from_the_origin_as_there()
     assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("slips", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize("slips", [0.02, 0.5, 0.95])
 def test_the_likelihood_of_a_coefficient_is_that_of_slipping_or_of_holding(slips):
     ratio, sd = 0.5, 0.03
     spread = np.hypot(0.05 * (0.3 + COEFFICIENTS), sd)
     holds = 1 / (1 + np.exp(-1.702 * (COEFFICIENTS - ratio) / spread)) / COEFFICIENTS  # as good as norm.cdf
-    likelihood = (1 - slips) * holds + slips * norm.pdf(COEFFICIENTS, ratio, spread) + 1e-2
+    slips_or_more = max(slips, 0.1)  # so many contacts slip whatever is known of this one
+    likelihood = (1 - slips_or_more) * holds + slips_or_more * norm.pdf(COEFFICIENTS, ratio, spread) + 1e-2
     wanted = FIRST * likelihood**0.15
     wanted = (1 - 5e-4) * wanted / wanted.sum() + 5e-4 * FIRST
     assert learned(FIRST, ratio, sd, slips) == pytest.approx(wanted, rel=2e-3)
@@ -186,20 +218,67 @@ def test_a_bar_that_turns_on_over_the_whole_start_does_not_stand(rate_rad_s, is_
     assert goes_on(gathered) is is_moving
 
 
-def test_the_unloaded_dome_moves_with_the_delay_as_finite_differences_do():
-    settings, size, places = Settings(), 1e-4, []
-    turn = LAYOUT.endcap_turn[0]
-    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
-    contact = contact_of(sample, 0, LAYOUT, settings)
+def leaning_state():
+    """A state of which the first endcap's bar leans and moves, and that endcap's contact."""
+    sample = FootSample(
+        0.0, ROBOT.endcaps[0].name, LAYOUT.endcap_turn[0].T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True
+    )  # fmt: skip
     state = empty_state(LAYOUT, 0.0)
     state.turn[:], state.normal[0], state.velocity[0] = (
         rotation_of(np.array([0.1, -0.2, 0.3])),
         [0.6, 0.0, 0.8],
         [0.3, -0.1, -0.4],
     )
-    for delay_s in (0.002 - size, 0.002, 0.002 + size):
-        state.delay_s[0] = delay_s
+    return state, contact_of(sample, 0, LAYOUT, Settings())
+
+
+@pytest.mark.parametrize(("name", "at"), [("delay_s", LAYOUT.delay), ("softness", LAYOUT.softness)])
+def test_the_unloaded_dome_moves_with_delay_and_softness_as_finite_differences_do(name, at):
+    settings, size, places = Settings(), 1e-4, []
+    state, contact = leaning_state()
+    for value in (0.002 - size, 0.002, 0.002 + size):
+        getattr(state, name)[0] = value
         place, slopes = unloaded(state, 0, dome_centre(state, 0, contact, LAYOUT, settings), LAYOUT)
         places.append(place)
-    assert (places[2] - places[0]) / (2 * size) == pytest.approx(slopes[:, LAYOUT.delay], abs=1e-9)
-    assert np.linalg.norm(slopes[:, LAYOUT.delay]) > 0.1
+    normal, moves = state.normal[0], (places[2] - places[0]) / (2 * size)
+    assert normal @ moves == pytest.approx(normal @ slopes[:, at], abs=1e-9) and abs(normal @ moves) > 5e-3
+    across = slopes[:, at] - (normal @ slopes[:, at]) * normal  # the softness is learned along the normal alone
+    assert across == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_a_dome_is_pressed_as_fast_as_its_own_centre_nears_the_ground():
+    """Whether the bar moves as a whole or turns about its reference point."""
+    state, contact = leaning_state()
+    rate = np.array([0.5, -1.0, 0.3])
+    turned, bar = state.copy(), int(LAYOUT.endcap_bar[0])
+    turned.rate[bar] = rate + turned.rate_bias[bar]
+    state.velocity[bar] += np.cross(state.turn[bar] @ rate, state.turn[bar] @ LAYOUT.endcap_lever[0])
+    whole, spun = (dome_centre(each, 0, contact, LAYOUT, Settings()) for each in (state, turned))
+    assert spun.lever_m == pytest.approx(whole.lever_m, abs=1e-12) and spun.delays_m_s == pytest.approx(
+        whole.delays_m_s
+    )
+
+
+@pytest.mark.parametrize(("sds", "counts"), [(4.0, False), (4.5, True)])
+def test_a_load_teaches_softness_where_it_differs_by_more_than_two_readings_errors(sds, counts):
+    """Three deviations of a difference, whose variance is that of both."""
+    state, contact = leaning_state()
+    count_load(state, 0, contact, True, LAYOUT)
+    before, unit = state.load_n[0].copy(), contact.force_n / np.linalg.norm(contact.force_n)
+    along = state.normal[0] @ state.turn[int(LAYOUT.endcap_bar[0])]
+    heavier = replace(contact, force_n=contact.force_n + sds * 1e-2 * unit / (along @ unit))
+    count_load(state, 0, heavier, False, LAYOUT)
+    assert (np.linalg.norm(state.load_n[0] - before) > 1e-3) == counts
+
+
+@pytest.mark.parametrize(("sds", "is_jump"), [(3.9, False), (-3.9, False), (4.1, True), (-4.1, True)])
+def test_a_reading_four_deviations_off_its_anchor_is_a_jump_whose_consistency_counts_shared_errors(sds, is_jump):
+    state, contact = leaning_state()
+    state.covariance[:] = 0.0
+    centre = dome_centre(state, 0, contact, LAYOUT, Settings())
+    across = np.array([0.8, 0.0, -0.6])  # along the ground slips decide
+    state.anchor[0] = unloaded(state, 0, centre, LAYOUT)[0] + sds * 1e-3 * state.normal[0] + 0.1 * across
+    state.consistency[1] = 0.5
+    assert jumps(state, 0, centre, 1e-6, 2.0, LAYOUT) is is_jump
+    wanted = 0.5 + MEAN_WEIGHT * (sds**2 / 2.0 - 0.5) if is_jump else 0.5
+    assert state.consistency[1] == pytest.approx(wanted)

@@ -14,8 +14,16 @@ from sensing.camera.nominal import nominal_mount
 from sensing.records import DotTracks, Frame
 from sensing.sources.drawn import Drawing, draw_dots
 from sensing.sources.warp import Displacement, warp_image
-from sensing.tracking.camera_motions import CameraMotions
-from sensing.tracking.mounting import LEAST_DOTS, CommonMotion, MotionKind, MountingWatch, common_motion, without_motion
+from sensing.tracking.camera_motions import CameraMotions, third_largest
+from sensing.tracking.mounting import (
+    LEAST_DOTS,
+    CommonMotion,
+    MotionKind,
+    MountingWatch,
+    beyond_noise_px,
+    common_motion,
+    without_motion,
+)
 from sensing.tracking.zero import ZeroError, measure_drift, single_zero, take_zero
 
 SIZE = (640, 480)
@@ -276,3 +284,11 @@ def test_dots_are_at_rest_by_the_size_of_the_picture():
                 take_zero(interval)
         else:
             assert take_zero(interval).frames == 3
+
+
+def test_of_dots_that_only_scatter_nothing_is_left_beyond_their_noise():
+    """The third largest of 90 motions; by Rayleigh's law it is in nine of ten 2.3 to 3.1 deviations of an axis."""
+    rng, noise_px = np.random.default_rng(6), 0.05
+    left = [beyond_noise_px(third_largest(rng.normal(0, noise_px, (90, 2))), noise_px) for _ in range(300)]
+    assert np.mean(np.array(left) == 0) > 0.85
+    assert beyond_noise_px(0.5, 0.1) == pytest.approx(0.4) and beyond_noise_px(0.5, 0.0) == 0.5

@@ -2,19 +2,22 @@
 
 import contextlib
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.gate import DISTURBED
 from sensing.live.core.state import Condition, State
 from sensing.records import DotTracks, Wrench
-from sensing.weighing import session
+from sensing.weighing import robot, session
 from sensing.weighing.at_rest import Rest, RestWatch, _rest, _Row, _still
 from sensing.weighing.film import as_trained
 from sensing.weighing.gain import WeighingError, fit_gain
+from sensing.weighing.store import gain_entries
 from sensing.weighing.words import GRAVITY_M_S2, PoseRequest
 
 
@@ -50,6 +53,14 @@ def test_without_its_gain_an_endcap_touches_at_what_the_weights_would_say():
     plain = as_trained(soft)
     assert (plain.gain, plain.gain_sd) == (1.0, 0.0)
     assert (plain.contact_on_n, plain.contact_off_n) == (0.8, 0.4)  # half as stiff: weights read twice its force
+
+
+def test_a_second_weighing_moves_the_threshold_from_the_gain_before():
+    """It was measured in newtons of the old gain, which need not be one."""
+    soft = EndcapConfig("a", "0", gain=0.5, gain_sd=0.01, contact_on_n=0.4, contact_off_n=0.2)
+    entries = gain_entries(soft, 0.6, 0.01, "0")
+    assert (entries["contact_on_n"], entries["contact_off_n"]) == (0.48, 0.24) and entries["gain"] == 0.6
+    assert "contact_on_n" not in gain_entries(EndcapConfig("a", "0"), 0.6, 0.01, "0")
 
 
 def test_what_the_untouched_endcap_reads_is_no_load(monkeypatch):
@@ -144,3 +155,45 @@ def test_of_a_recording_what_the_untouched_endcap_read_before_the_load_is_taken_
 def test_without_a_second_of_rest_before_the_load_nothing_is_taken_out(before):
     rest = watched(reading(k, force) for k, force in enumerate([*before, *[6.1] * 40])).loaded()
     assert rest.wrench[2] == pytest.approx(-6.1) and math.isnan(rest.untouched_n) and rest.note == ""
+
+
+def test_of_a_posture_what_has_left_the_ground_carries_nothing(monkeypatch):
+    """An endcap may touch while the robot comes to rest; only what carries at the end stands."""
+    forces = [*[6.1] * 40, *[0.1] * 10]
+    for last_n, carries in ((6.0, True), (0.1, False)):
+        shown = [reading(k, force) for k, force in enumerate([*forces, *[last_n] * 40])]
+        monkeypatch.setattr(robot, "film_readings", lambda *_, made=shown: made)
+        found = robot._at_rest(EndcapConfig("a", "0"), Path("stand.mcap"), SimpleNamespace(load_scale=1.0))
+        assert (found is not None) == carries and (not carries or found[0] == pytest.approx([0.0, 0.0, -6.0]))
+
+
+def test_forces_and_covariances_of_a_posture_are_in_the_robots_frame(monkeypatch):
+    """This endcap looks along the robot's x: what is uncertain along its axis is uncertain along x."""
+    T = np.array([[0.0, 0.0, 1.0, 50.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    rest = np.array([1.0, 2.0, -9.0]), np.array([[1.0, 0.5, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 9.0]])
+    monkeypatch.setattr(robot, "_at_rest", lambda *_: rest)
+    config = LiveConfig((EndcapConfig("a", "0", T_robot_endcap=T),))
+    force, covariance = robot._forces(config, Path("stand.mcap"), lambda _: None, lambda _: "")
+    assert force["a"] == pytest.approx([-9.0, 2.0, -1.0])
+    assert covariance["a"] == pytest.approx(np.array([[9.0, 0.0, 0.0], [0.0, 2.0, -0.5], [0.0, -0.5, 1.0]]))
+
+
+@pytest.mark.parametrize(("count", "long_enough"), [(31, True), (29, False)])
+def test_a_load_has_to_stand_for_a_second(count, long_enough):
+    """Thirty intervals of a thirtieth; the median of the forces counts, not the last one."""
+    watch = watched(reading(k, 6.1 if k == count - 1 else 6.0) for k in range(count))
+    if long_enough:
+        assert watch.pressed().wrench[2] == -6.0 and watch.pressed().readings == count
+    else:
+        with pytest.raises(WeighingError, match="lasts for less than 1 s"):
+            watch.pressed()
+
+
+@pytest.mark.parametrize(("flagged", "counts"), [(1, True), (2, False)])
+def test_one_flagged_reading_of_thirty_does_not_refuse_a_load(flagged, counts):
+    watch = watched(reading(k, 6.0, frozenset({"moved"} if k < flagged else ())) for k in range(31))
+    if counts:
+        assert watch.pressed().readings == 31
+    else:
+        with pytest.raises(WeighingError, match=r"are flagged \(moved\)"):
+            watch.pressed()

@@ -89,7 +89,8 @@ def test_options_of_one_endcap_do_not_weigh_a_whole_robot(standing, capsys, word
 @pytest.mark.parametrize(
     ("row", "said"),
     [
-        ("x.mcap,0,0,2", "vertical of length 1"), ("x.mcap,0,up,1", "vertical of length 1"), ("x.mcap,0", "length 1"),
+        ("x.mcap,0,0,1.2", "vertical of length 1"), ("x.mcap,0,0.8,0", "length 1"), ("x.mcap,0", "length 1"),
+        ("x.mcap,0,up,1", "vertical of length 1"),
     ],
 )  # fmt: skip
 def test_a_table_of_postures_that_cannot_be_read_is_named_by_its_line(standing, capsys, row, said):

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from dwell_stand_in import STRENGTH, TAU_S, creep
+from scipy.optimize import nnls
 
 from sensing import dwell as command
-from sensing.weighing.dwell import DwellError, fit_dwell, unit_overstress
-from sensing.weighing.scatter import scatter_of, unbiased
+from sensing.weighing.dwell import DwellError, _solved, _system, _Test, fit_dwell, unit_overstress
+from sensing.weighing.scatter import Scatter, scatter_of, unbiased
 
 
 def test_known_constants_come_back():
@@ -77,17 +78,18 @@ def test_one_relaxation_time_gives_one_term_or_two_that_act_alike():
     assert np.abs(found.corrected_n - load)[found.used].max() < 0.05
 
 
-@pytest.mark.long
 def test_the_deviation_of_a_strength_is_that_of_repeated_tests():
-    runs = [fit_dwell(*creep(noise_n=0.03, seed=seed)[:2]).terms for seed in range(12)]
+    """Where both terms are found: with three times the scatter the short one may be lost, and the slow one grows."""
+    runs = [fit_dwell(*creep(noise_n=0.01, seed=seed)[:2]).terms for seed in range(12)]
+    assert all(len(terms) == 2 for terms in runs)
     slow = [(terms[-1].strength, terms[-1].sd) for terms in runs]
-    assert np.std([b for b, _ in slow]) < 6 * np.mean([sd for _, sd in slow])
+    assert 0.4 < np.std([b for b, _ in slow]) / np.mean([sd for _, sd in slow]) < 1.5
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"weight_n": 1.0}, "never exceeds"), ({"dwell_s": 2.0}, "stands for"), ({"after_s": 0.5}, "after the release"),
+        ({"weight_n": 1.0}, "never exceeds"), ({"dwell_s": 2.9}, "stands for"), ({"after_s": 1.9}, "after the release"),
         ({"strength": np.array([1e-6]), "noise_n": 0.03}, "no rate effect over the noise"),
     ],
 )  # fmt: skip
@@ -140,6 +142,17 @@ def test_the_command_refuses_in_one_line(tmp_path, capsys):
     assert "nowhere.mcap: no such file" in capsys.readouterr().err.splitlines()[-1]
     assert command.main(["--config", str(path), "--endcap", "b", "--source", "x"]) == 2
     assert "choose one of a" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_strengths_are_those_of_least_squares_without_negative_ones(seed):
+    rng = np.random.default_rng(seed)
+    curves, used = rng.normal(size=(2, 40)), rng.permuted(np.repeat([True, False], 20))
+    force_n = np.array([1.0, -0.5]) @ curves + 0.1 * rng.normal(size=40)  # one wants to be negative
+    test = _Test(0.02 * np.arange(40.0), -force_n, used, ~used, 0.0)
+    square, strength, matrix = _solved(curves, Scatter(np.zeros((2, 2)), np.zeros(2)), test)
+    wanted, left = nnls(matrix, _system(curves, test)[1])
+    assert strength == pytest.approx(wanted) and square == pytest.approx(left**2) and strength[0] > 0.5
 
 
 def test_noise_that_lasts_makes_a_strength_less_sure_than_noise_that_does_not():

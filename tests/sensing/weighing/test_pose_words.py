@@ -53,3 +53,9 @@ def test_what_a_pose_leaves_out_is_as_the_options_say():
 def test_a_pose_that_is_none_is_refused(text, said):
     with pytest.raises(ParameterError, match=said):
         parse_pose(text)
+
+
+def test_a_weight_is_as_sure_as_a_kitchen_scale_unless_its_own_is_given():
+    """2 g and half a percent, independent: at 400 g as much each."""
+    assert PoseRequest(400.0).load_sd_n() == pytest.approx(8**0.5 / 1000 * GRAVITY_M_S2)
+    assert PoseRequest(400.0, sd_g=0.5).load_sd_n(9.8) == pytest.approx(0.0049)

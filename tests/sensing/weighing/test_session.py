@@ -89,11 +89,11 @@ def test_a_weight_typed_where_enter_is_asked_is_not_taken_for_it(monkeypatch):
 
 
 def test_after_a_break_the_untouched_endcap_is_measured_again(monkeypatch):
-    clock = iter([0.0, 60.0, 7200.0, 7210.0])  # at rest; first weight; second; at rest again
+    clock = iter([0.0, 595.0, 605.0, 615.0])  # at rest; first weight; second; at rest again
     monkeypatch.setattr(session, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     bench = Bench(monkeypatch, "", "500", ("", 500), "1000", "", ("", 1000), "")
     assert names(bench.weigh()) == ["500 g", "1000 g"] and bench.zeroed == 2
-    assert "untouched 120 minutes ago: take everything off" in bench.asked[4]
+    assert "untouched 10 minutes ago: take everything off" in bench.asked[4]
 
 
 def test_nothing_is_kept_while_the_user_is_away():
@@ -159,3 +159,17 @@ def test_an_endcap_that_is_not_untouched_names_the_command_that_zeroes_it(monkey
 def test_an_attitude_that_no_pose_has_is_refused_before_anything_is_asked(terms, said):
     with pytest.raises(ParameterError, match=said):
         session.Terms(*terms, GRAVITY_M_S2)
+
+
+def test_gravity_is_that_of_a_place_on_earth():
+    """Huascaran has 9.764 m/s2, the Arctic Ocean 9.834 (Hirt and others 2013, doi:10.1002/grl.50838)."""
+    assert [session.Terms(0.0, 0.0, 0.0, gravity).gravity_m_s2 for gravity in (9.764, 9.834)] == [9.764, 9.834]
+    for gravity in (9.75, 9.85, float("nan")):
+        with pytest.raises(ParameterError, match="what the Earth's surface has"):
+            session.Terms(0.0, 0.0, 0.0, gravity)
+
+
+def test_of_an_interval_at_rest_a_pose_takes_the_force_and_its_covariance():
+    covariance = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    pose = session.made_pose(PoseRequest(500.0), Rest(np.arange(6.0), covariance, 0.0, 30), GRAVITY_M_S2)
+    assert pose.force_n.tolist() == [0.0, 1.0, 2.0] and np.diag(pose.covariance).tolist() == [1.0, 2.0, 3.0]

@@ -281,16 +281,14 @@ def test_a_reference_renews_itself_from_good_pictures_only(zero, fault, renewed)
 
 def test_a_camera_that_hangs_renews_no_reference(zero):
     auto, tracker = AutoZero(zero, still_s=0.2, frames=4), DotTracker(zero.frame())
-    one = still(1, 0.7)[0]
-    frames = [replace(one, time_s=k / 30, sequence=k) for k in range(12)]
+    frames = [replace(still(1, 0.7)[0], time_s=k / 30, sequence=k) for k in range(12)]
     assert not any(auto.update(f, tracker.update(f)) for f in frames)
 
 
 @pytest.mark.parametrize("change", [{"frames": float("inf")}, {"brightness": 10**400}])
 def test_a_number_that_no_field_holds_is_a_damaged_file(zero, tmp_path, change):
     save_zero(zero, tmp_path / "z.npz")
-    with np.load(tmp_path / "z.npz") as archive:
-        held = dict(archive)
+    held = dict(np.load(tmp_path / "z.npz"))
     held["about"] = np.array(json.dumps(json.loads(str(held["about"])) | change))
     np.savez(tmp_path / "z.npz", **held)
     with pytest.raises(FileError, match="no reference file"):

@@ -98,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     except EndcapError as error:
         LOG.error(f"sensing.simulator.verification: {error}")
         return 2
-    show(path)
+    show(str(path))
     return 0
 
 

@@ -46,7 +46,7 @@ CODE = (
 )
 # How files get their names, workers and commands end, and lines are printed; prices; not what is in a file.
 NOT_OF_THEM = (
-    *("cad/typed_folder.py", "cad/whole_file.py", "cad/pools.py", "cad/messages.py", "cad/extras.py"),
+    *(f"cad/{name}.py" for name in ("typed_folder", "whole_file", "user_folders", "pools", "messages", "extras")),
     *("cad/silicone_kits.py", "cad/silicone_kits.csv"),
 )
 

@@ -7,6 +7,9 @@ def __getattr__(name: str) -> str:
     """``cad.__version__``: version of the installed distribution, read on first use."""
     if name != "__version__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib.metadata import version
+    from importlib.metadata import PackageNotFoundError, version
 
-    return version("endcap-toolkit")
+    try:
+        return version("endcap-toolkit")
+    except PackageNotFoundError:  # a checkout whose libraries were installed without it
+        return "not installed"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from cad.params import EndcapParams
 
+COLOR = (0.30, 0.33, 0.38)  # RGB, 0..1
 SCREW_HOLE_RADIUS_MM = 1.7  # M: M3 through
 SCREW_HEAD_RADIUS_MM = 3.25  # M: M3 cap head, 5.5 wide
 SCREW_SEAT_Z_MM = -3.1  # M: M3 x 8 over a small washer holds all of the nut and stays 0.6 mm under the TPU roof
@@ -74,7 +75,7 @@ def base_part(params: EndcapParams) -> Part:
     from cad.solids import one_solid
 
     solid = one_solid(_body(params) - _cuts(params), "base")
-    return Part("base", "printed", "PLA", solid, (0.30, 0.33, 0.38))
+    return Part("base", "printed", "PLA", solid, COLOR)
 
 
 def screw_joints(params: EndcapParams) -> tuple[ScrewJoint, ...]:

@@ -25,6 +25,7 @@ NOTCH_WIDTH_MM = 9.0  # for the plug under the board, at azimuth 90 degrees; als
 NOTCH_OUTER_RADIUS_MM = 37.0  # outer end of the notch
 NOTCH_FLOOR_Z_MM = 0.8  # floor of the notch
 NOTCH_AZIMUTH_DEG = 90.0  # on the side of a cable hole
+COLOR = (0.96, 0.84, 0.36)  # RGB, 0..1
 
 
 def ring_spacer_part(params: EndcapParams) -> Part:
@@ -48,4 +49,4 @@ def ring_spacer_part(params: EndcapParams) -> Part:
         Pos((low_x + NOTCH_OUTER_RADIUS_MM) / 2, 0, (NOTCH_FLOOR_Z_MM + top_z) / 2)
         * Box(NOTCH_OUTER_RADIUS_MM - low_x, NOTCH_WIDTH_MM, top_z - NOTCH_FLOOR_Z_MM)
     )
-    return Part("ring_spacer", "printed", "PETG", one_solid(ring - notch, "ring_spacer"), (0.96, 0.84, 0.36))
+    return Part("ring_spacer", "printed", "PETG", one_solid(ring - notch, "ring_spacer"), COLOR)

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from cad.extras import DISTRIBUTION
+from cad.user_folders import cache_folder
 from cad.whole_file import put_file
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,15 +34,8 @@ SUFFIXES = (".py", ".csv", ".js", ".css", ".html")  # all sources of the exports
 
 
 def user_folder() -> Path:
-    """Folder of the cache: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``.
-
-    A user without a home, as in some containers, has no cache: below the null device nothing is found or kept.
-    """
-    try:
-        home = Path.home() / ".cache"
-    except RuntimeError:
-        home = Path(os.devnull)
-    return Path(os.environ.get("XDG_CACHE_HOME") or home) / "endcap-toolkit" / "molds"
+    """Folder of the cache: ``$XDG_CACHE_HOME/endcap-toolkit/molds``, by default under ``~/.cache``."""
+    return cache_folder() / "molds"
 
 
 @cache

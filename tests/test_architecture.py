@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 BOTTOM_NAMES = (
     "errors data_table extras plain_numbers scaling feasible params dots lens materials material_units silicone_kits "
-    "identity typed_folder whole_file plugins messages threads pools options design_arguments pattern"
+    "identity typed_folder user_folders whole_file plugins messages threads pools options design_arguments pattern"
 )
 BOTTOM = {f"cad.{name}" for name in BOTTOM_NAMES.split()}
 PLAIN = BOTTOM | {
@@ -39,7 +39,6 @@ SHARED = {
         "records",
         "records_labelled",
         "set_manifest",
-        "user_folders",
     )
 }
 ARROWS: dict[str, set[str]] = {  # package of sensing -> packages of sensing that it may import; "" are the commands

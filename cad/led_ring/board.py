@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 BOARD_OUTER_RADIUS_MM = 38.6  # E: inside the spacer's edge
 BOARD_INNER_RADIUS_MM = ring_spacer.LIP_RADIUS_MM + 0.15  # E: play round the spacer's lip
 BOARD_THICKNESS_MM = 1.6  # S: usual circuit board
+COLOR = (0.05, 0.42, 0.24)  # RGB, 0..1
 
 
 def led_ring_part(params: EndcapParams) -> Part:
@@ -35,7 +36,7 @@ def led_ring_part(params: EndcapParams) -> Part:
     board = Pos(0, 0, (seat + top) / 2) * (disc - hole)
     bodies = [_body(place) for place in placements(LED_COUNT)]
     solid = one_solid(board.fuse(*bodies), "led_ring")
-    return Part("led_ring", "bought", "circuit board", solid, (0.05, 0.42, 0.24))
+    return Part("led_ring", "bought", "circuit board", solid, COLOR)
 
 
 def _body(place: Placement) -> Solid:

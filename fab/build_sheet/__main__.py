@@ -222,11 +222,11 @@ def part_colors(export: Export) -> dict[str, tuple[float, float, float]]:
     Args:
         export: folder of `make molds`.
     """
-    from cad import arm_adapter, hanger, interface, shell
+    from cad import arm_adapter, base, hanger, interface, ring_spacer, shell
     from cad.mold import core, cup
 
     stems = {"cup_": cup.COLOR, "core_": core.COLOR, "hanger": hanger.COLOR, "interface": interface.COLOR}
-    stems |= {"shell": shell.COLOR, "base": (0.30, 0.33, 0.38), "ring_spacer": (0.96, 0.84, 0.36)}
+    stems |= {"shell": shell.COLOR, "base": base.COLOR, "ring_spacer": ring_spacer.COLOR}
     stems["arm_adapter"] = arm_adapter.COLOR
     names = [part["name"] for part in export.manifest["parts"] if part["role"] != "bought"]
     return {name: next((c for stem, c in stems.items() if name.startswith(stem)), (0.7, 0.7, 0.7)) for name in names}

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from cad import arm_adapter, hanger, interface, ring_spacer, shell
-from cad.base import RECESS_RADIUS_MM, flank_profile
+from cad import arm_adapter, base, hanger, interface, ring_spacer, shell
 from cad.interface import zone_clip_radius_mm, zone_radii_mm
-from cad.led_ring.board import BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, BOARD_THICKNESS_MM
+from cad.led_ring import board
 from cad.mold import core, cup
 from cad.mold.layout import MoldLayout
 from cad.params import EndcapParams
@@ -58,9 +57,9 @@ def parts(layout: MoldLayout) -> tuple[Revolved, ...]:
     return (
         Revolved("shell", "endcap", (shell_profile(params),), shell.COLOR, 2 * step),
         Revolved("interface", "endcap", interface_profiles(params), interface.COLOR, step),
-        Revolved("led_ring", "endcap", (_led_ring(),), (0.05, 0.42, 0.24), 0.45 * step),
-        Revolved("ring_spacer", "endcap", (_spacer(),), (0.96, 0.84, 0.36), 0.2 * step),
-        Revolved("base", "endcap", (_base(params),), (0.30, 0.33, 0.38), -0.2 * step),
+        Revolved("led_ring", "endcap", (_led_ring(),), board.COLOR, 0.45 * step),
+        Revolved("ring_spacer", "endcap", (_spacer(),), ring_spacer.COLOR, 0.2 * step),
+        Revolved("base", "endcap", (_base(params),), base.COLOR, -0.2 * step),
         Revolved("arm_adapter", "endcap", (_adapter(params),), arm_adapter.COLOR, -0.7 * step),
         Revolved("bowl", "mold", (_bowl(layout),), cup.COLOR, 2.2 * step),
         Revolved("core", "mold", (_core(layout),), core.COLOR, 0.7 * step),
@@ -152,19 +151,19 @@ def _ring(inner: float, outer: float, low: float, high: float) -> Profile:
 
 def _led_ring() -> Profile:
     seat = ring_spacer.SEAT_Z_MM
-    return _ring(BOARD_INNER_RADIUS_MM, BOARD_OUTER_RADIUS_MM, seat, seat + BOARD_THICKNESS_MM)
+    return _ring(board.BOARD_INNER_RADIUS_MM, board.BOARD_OUTER_RADIUS_MM, seat, seat + board.BOARD_THICKNESS_MM)
 
 
 def _spacer() -> Profile:
-    return _ring(ring_spacer.INNER_RADIUS_MM, RECESS_RADIUS_MM, -1.0, ring_spacer.SEAT_Z_MM)
+    return _ring(ring_spacer.INNER_RADIUS_MM, base.RECESS_RADIUS_MM, -1.0, ring_spacer.SEAT_Z_MM)
 
 
 def _base(params: EndcapParams) -> Profile:
     """The base without its pockets: its sphere, and the cone below it."""
     bottom = -params.base_thickness_mm
-    tangent_z, _, bottom_radius = flank_profile(params)
+    tangent_z, _, bottom_radius = base.flank_profile(params)
     sphere = [(_radius(params, params.base_sphere_radius_mm, z), z) for z in np.linspace(tangent_z, 0.0, 12).tolist()]
-    return [(0.0, bottom), (bottom_radius, bottom), *sphere, (RECESS_RADIUS_MM, 0.0), (35.0, -1.0), (0.0, -1.0)]
+    return [(0.0, bottom), (bottom_radius, bottom), *sphere, (base.RECESS_RADIUS_MM, 0.0), (35.0, -1.0), (0.0, -1.0)]
 
 
 def _adapter(params: EndcapParams) -> Profile:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cad
 from cad.assembly import build_assembly, exploded_offsets, write_step
 from cad.errors import FileError
 from cad.extras import DISTRIBUTION
@@ -19,7 +20,6 @@ from cad.identity import identity
 from cad.interface import build_zone
 from cad.part import Part
 from cad.step_file import canonical_step
-from fab.cache import library_versions
 from fab.checks.check import Check
 from fab.design import PRODUCT, Design
 from fab.exports.glb import write_glb
@@ -157,7 +157,7 @@ def manifest(design: Design, checks: Sequence[Check], folder: Path) -> dict[str,
             }
         )
     return {
-        "toolkit": f"{DISTRIBUTION} {library_versions()[DISTRIBUTION]}",
+        "toolkit": f"{DISTRIBUTION} {cad.__version__}",
         "parameters": design.params.record,
         "joint_clearance_mm": design.layout.joint_clearance_mm,
         "silicone": design.layout.silicone,

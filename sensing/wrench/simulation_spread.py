@@ -10,6 +10,8 @@ Notes:
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,5 +35,10 @@ def simulation_spread(force_n: NDArray[np.float64], radius_mm: float) -> NDArray
         force_n: (3,) of the wrench.
         radius_mm: of the outer sphere.
     """
+    return np.asarray(float(force_n @ force_n) * _per_square_newton(radius_mm))
+
+
+@cache
+def _per_square_newton(radius_mm: float) -> NDArray[np.float64]:
     lever_m = LEVER_M * (radius_mm / RELEASED_RADIUS_MM)
-    return np.asarray(float(force_n @ force_n) * np.diag([FORCE_SHARE**2] * 3 + [lever_m**2] * 3))
+    return np.diag([FORCE_SHARE**2] * 3 + [lever_m**2] * 3)

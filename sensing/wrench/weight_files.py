@@ -13,9 +13,9 @@ from cad.errors import FileError, ParameterError
 from cad.identity import MUST_AGREE, differing, identity, recorded
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
+from cad.user_folders import data_folder
 from sensing.camera.chosen_module import endcap_label
 from sensing.interpreter import typed_command
-from sensing.user_folders import data_folder
 
 FORMAT = "endcap-wrench-2"
 SIMULATED = "simulated"  # key of what weights state of themselves: no frame of their training was real

@@ -18,10 +18,10 @@ from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, transient
 from cad.params import EndcapParams
+from cad.user_folders import cache_folder
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig, dots_of
 from sensing.records import Frame
-from sensing.user_folders import cache_folder
 
 SIZE = (640, 480)
 ENDCAPS = 6

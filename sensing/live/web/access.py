@@ -15,6 +15,7 @@ import socket
 import stat
 from pathlib import Path
 
+from cad.user_folders import config_folder
 from cad.whole_file import PRIVATE, put_file
 
 TOKEN = re.compile(r"[A-Za-z0-9_-]{22,86}")
@@ -24,8 +25,7 @@ ANYWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}  # addr
 
 def token_file() -> Path:
     """Where the token is kept."""
-    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(base) / "endcap-toolkit" / "page_token"
+    return config_folder() / "page_token"
 
 
 def page_token() -> str:
@@ -39,7 +39,7 @@ def page_token() -> str:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         put_file(path, (made + "\n").encode(), PRIVATE)
         return _read(path) or made
-    except (OSError, RuntimeError):  # RuntimeError: no home
+    except OSError:
         return secrets.token_urlsafe(16)
 
 

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from cad.errors import FileError, ParameterError
+from cad.user_folders import cache_folder
 from sensing.simulator.walk.simulate import simulate_walk
 from sensing.simulator.walk.stream import sensor_stream
 from sensing.simulator.walk.terrain import Terrain
 from sensing.simulator.walk.truth import Walk, load_walk, save_walk
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import Sample
-from sensing.user_folders import cache_folder
 
 LONGEST_S = 600.0  # longest run
 SHORTEST_S = 3.0  # shortest run

@@ -16,12 +16,12 @@ from typing import Any
 from cad.errors import FileError, ParameterError, printable
 from cad.lens import RELEASED_MODULE, camera_module
 from cad.materials import silicone
+from cad.user_folders import cache_folder
 from cad.whole_file import replace_file
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import KEPT, OF_BEFORE, EndcapConfig
 from sensing.live.core.model import weights_in_use
 from sensing.live.core.seen import Pictures
-from sensing.user_folders import cache_folder
 
 METADATA = "endcap_live"
 FORMAT = 2

@@ -1,6 +1,7 @@
 """Folders in which a user's files stay between runs, as the XDG base directory specification has them.
 
-A user without a home, as in some containers, keeps nothing: below the null device no file is found or written.
+A user without a home, as in some containers, keeps nothing: below the null device no file is found or written
+(standard library only).
 """
 
 from __future__ import annotations
@@ -17,6 +18,11 @@ def cache_folder() -> Path:
 def data_folder() -> Path:
     """What the user has made: ``endcap-toolkit`` in XDG_DATA_HOME or ~/.local/share."""
     return _folder("XDG_DATA_HOME", ".local/share")
+
+
+def config_folder() -> Path:
+    """What the user has set: ``endcap-toolkit`` in XDG_CONFIG_HOME or ~/.config."""
+    return _folder("XDG_CONFIG_HOME", ".config")
 
 
 def _folder(variable: str, usual: str) -> Path:

@@ -7,8 +7,8 @@ import pytest
 
 from cad.errors import FileError
 from cad.params import EndcapParams
+from cad.user_folders import cache_folder, data_folder
 from sensing.live.outputs.mcap.config import _kept
-from sensing.user_folders import cache_folder, data_folder
 from sensing.wrench.weight_files import find_weights
 
 

@@ -35,13 +35,7 @@ function connect() {
   socket.onmessage = async (event) => {
     retryAt = performance.now() + DEAD_MS;
     if (typeof event.data !== "string") {
-      const last = bitmap;
-      try {
-        bitmap = await createImageBitmap(event.data);
-      } catch {
-        bitmap = null; // a damaged picture
-      }
-      if (last) last.close(); // its memory, of which the browser's collector knows nothing
+      show_picture(await createImageBitmap(event.data).catch(() => null)); // null: a damaged picture
       return;
     }
     const news = JSON.parse(event.data);
@@ -142,12 +136,20 @@ function grey(age) {
   });
 }
 
+// The picture before gives its memory back, of which the browser's collector knows nothing. It is the one that is there
+// now, not when the next began to be decoded: on a slow computer several are decoded at once.
+function show_picture(next) {
+  if (bitmap) bitmap.close();
+  bitmap = next;
+}
+
 function begin(shown) {
   Scene.set(shown.hello);
   Dome.set(shown.hello);
   if (shown.begun_s === begun_s) return; // the same run after a lost connection: plots, cards and choice stay
   begun_s = shown.begun_s;
-  latest = window.shown = bitmap = null;
+  latest = window.shown = null;
+  show_picture(null);
   declined.clear();
   close_question();
   held(false);
@@ -169,7 +171,7 @@ function new_card(name, k) {
 
 function choose(k) {
   chosen = k;
-  bitmap = null;
+  show_picture(null);
   close_question();
   try {
     localStorage.setItem(KEPT, about[k].name);

@@ -7,7 +7,7 @@ const LISTS = ["material", "printer", "robot"];
 const WORDS = ["dots", "dot_mm", "gyroid"];
 const KNOBS = [...SLIDERS, ...LISTS, ...WORDS];
 const viewer = new Viewer($("turn"));
-const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, real: "", label: "" };
+const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, asking: false, real: "", label: "" };
 const GONE = "The page's program has ended: start make design again.";
 const say = () => document.dispatchEvent(new Event("shown"));
 const svg = (name, values, parent) => {
@@ -89,14 +89,24 @@ async function begin() {
   follow();
 }
 
+// One question at a time: a slider that is dragged asks faster than the server answers, and each answer on the way is shown.
 async function refresh() {
-  const number = ++page.asked;
+  page.asked += 1;
+  if (page.asking) return;
+  page.asking = true;
+  try {
+    while (page.shown !== page.asked) await show(page.asked);
+  } finally {
+    page.asking = false;
+  }
+}
+
+async function show(number) {
   const words = query();
   const [answer, shape] = await Promise.all([
     fetch("answer.json?" + words).then(async (r) => (r.ok ? r.json() : { refusal: await r.text() })),
     viewer.gl ? fetch("preview.glb?" + words).then((r) => (r.ok ? r.arrayBuffer() : null)) : null,
   ]).catch(() => [{ refusal: GONE }, null]);
-  if (number !== page.asked) return; // a later change is on its way
   page.answer = answer;
   $("refusal").textContent = answer.refusal || "";
   document.body.classList.toggle("refused", Boolean(answer.refusal)); // what is still shown is of the size before
@@ -253,9 +263,11 @@ function show_job(job) {
 }
 async function show_real(label) {
   const answer = await fetch(`exports/${label}/preview.glb`);
-  if (!answer.ok || page.answer?.label !== label) return;
+  if (!answer.ok) return;
+  const shape = await answer.arrayBuffer();
+  if (page.answer?.label !== label) return; // another size was chosen meanwhile
   if (viewer.gl) {
-    viewer.load(await answer.arrayBuffer());
+    viewer.load(shape);
     $("stage").textContent = "as made: the parts' own meshes, coarse";
   }
   page.real = label;

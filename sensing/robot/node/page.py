@@ -33,6 +33,7 @@ STATIC = {
     "/theme.css": (SHARED, "theme.css", "text/css"),
     "/robot.css": (OWN, "robot.css", "text/css"),
     "/robot.js": (OWN, "robot.js", "text/javascript"),
+    "/draw.js": (SHARED, "draw.js", "text/javascript"),
     "/scene.js": (OWN, "scene.js", "text/javascript"),
     "/favicon.svg": (SHARED, "favicon.svg", "image/svg+xml"),
 }

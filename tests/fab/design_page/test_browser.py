@@ -115,6 +115,34 @@ def test_a_knob_changes_numbers_section_point_and_shape(tab):
     assert tab.value("$('refusal').textContent") == "" and tab.value("!$('make').disabled")
 
 
+def test_a_slider_that_is_dragged_asks_one_question_at_a_time_and_shows_sizes_on_the_way(tab):
+    """Each of its events asked at once: nothing was shown until the server had answered all, seconds behind."""
+    drag = """(async () => {
+      const asked = window.fetch, seen = new Set();
+      let open = 0, most = 0;
+      window.fetch = (address, ...more) => {
+        const answer = asked(address, ...more);
+        if (!address.startsWith("answer.json")) return answer;
+        most = Math.max(most, ++open);
+        return answer.finally(() => open--);
+      };
+      const look = () => seen.add($("facts").textContent);
+      document.addEventListener("shown", look);
+      for (let k = 0; k < 50 || (k < 3000 && seen.size < 2); k++) {
+        $("D").value = Math.min(120 + k, 180);
+        $("D").dispatchEvent(new Event("input"));
+        await new Promise((go) => setTimeout(go, 10));
+      }
+      const last = $("D").value;
+      const answer = () => new Promise((go) => document.addEventListener("shown", go, { once: true }));
+      while (page.shown !== page.asked) await answer();
+      window.fetch = asked;
+      document.removeEventListener("shown", look);
+      return [most, seen.size > 1, $("commands").textContent.includes(` D=${last} `)];
+    })()"""
+    assert tab.promised(drag) == [1, True, True]
+
+
 def test_the_shape_is_drawn_in_many_colours_and_can_be_cut_and_pulled_apart(tab):
     assert tab.value("viewer.gl !== null && viewer.parts.length > 8 && viewer.gl.getError() === 0")
     whole = tab.value(COLOURS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,7 +83,7 @@ def test_it_shows_what_was_estimated_and_nothing_sticks_out(tab, page):
 
 def test_no_label_covers_another_from_any_side(tab):
     for _ in range(16):
-        tab.value("moved(Math.PI / 8, 0, 1)")
+        tab.value("view.turn += Math.PI / 8, draw()")
         assert tab.value("labels.length") == 6 and tab.value(OVERLAPS) == [] and tab.value(OUTSIDE) == []
 
 
@@ -96,6 +97,25 @@ def test_keys_turn_zoom_and_reset(tab):
     assert all(turned[name] != before[name] for name in ("turn", "tilt", "zoom"))
     tab.value(key.format("0"))
     assert tab.value("({...view})") == before
+
+
+def test_a_run_that_hangs_is_said_and_who_answers_next_is_asked_about_its_robot(tab, page, monkeypatch):
+    """The page waited for an answer before it said that none came: a run that hung looked live."""
+    answering, shown = threading.Event(), page.state
+
+    def hangs():
+        answering.wait(60)
+        raise RuntimeError("ends")
+
+    monkeypatch.setattr(page, "state", hangs)
+    try:
+        lost = "document.body.classList.contains('lost')"
+        tab.until(f"{lost} && /^no answer for [2-9] s/.test($('status').textContent)")
+        tab.value("window.before = about")
+    finally:
+        monkeypatch.setattr(page, "state", shown)
+        answering.set()
+    tab.until(f"!{lost} && about && about !== window.before && $('status').textContent.includes('path')")
 
 
 @pytest.mark.parametrize("colours", ["dark", "light"])

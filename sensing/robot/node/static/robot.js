@@ -5,12 +5,14 @@ const $ = (id) => document.getElementById(id);
 const STATES = ["holds", "rolls", "slips", "free", "unknown"];
 const ASK_MS = 100;
 const LOST_MS = 1500;
+const DEAD_MS = 10000; // after which a question is asked anew: its connection leads nowhere
+const WATCH_MS = 250;
 let about = null;
 let state = null;
 let heard_ms = 0;
 
 function draw_drift() {
-  const { g, width, height } = fitted($("drift"));
+  const [g, width, height] = Draw.begin($("drift"));
   const rows = state.drift;
   const left = 46;
   const bottom = height - 20;
@@ -48,7 +50,8 @@ function draw_drift() {
   g.fillText(`${end.toFixed(1)} s`, width - 8, height - 4);
 }
 
-const number = (value, digits, unit = "") => (value === null ? "-" : value.toFixed(digits) + unit);
+const number = (value, digits, unit = "") =>
+  value === null ? "-" : value.toFixed(digits).replace(/^-(?=[0.]+$)/, "") + unit; // no -0.00
 function row(endcap) {
   const force = endcap.force_n[0] === null ? null : Math.hypot(...endcap.force_n);
   const likely = endcap[endcap.state];
@@ -95,70 +98,28 @@ function draw() {
 
 async function ask() {
   try {
-    if (!about) about = await (await fetch("about.json")).json();
-    const reported = await (await fetch("state.json")).json();
+    const signal = AbortSignal.timeout(DEAD_MS);
+    if (!about) about = await (await fetch("about.json", { signal })).json();
+    const reported = await (await fetch("state.json", { signal })).json();
     if (reported) {
       state = reported;
       heard_ms = performance.now();
       draw();
     }
   } catch (error) {
-    /* said below */
+    about = null; // who answers next may be the run of another robot
   }
-  const lost = heard_ms > 0 && performance.now() - heard_ms > LOST_MS;
-  document.body.classList.toggle("lost", lost);
-  if (lost)
-    $("status").textContent =
-      `no answer for ${((performance.now() - heard_ms) / 1000).toFixed(0)} s: has the run ended?`;
+  watch();
   setTimeout(ask, ASK_MS);
 }
 
-function moved(turn, tilt, zoom) {
-  view.turn += turn;
-  view.tilt = Math.min(1.5, Math.max(0.02, view.tilt + tilt));
-  view.zoom = Math.min(5, Math.max(0.3, view.zoom * zoom));
-  draw();
+// Says that no answer comes, also while a question waits for one: a run that hangs refuses nothing.
+function watch() {
+  const silent_ms = performance.now() - heard_ms;
+  const lost = heard_ms > 0 && silent_ms > LOST_MS;
+  document.body.classList.toggle("lost", lost);
+  if (lost) $("status").textContent = `no answer for ${(silent_ms / 1000).toFixed(0)} s: has the run ended?`;
 }
-
-let held = null; // place of the pointer that turns the robot
-$("scene").addEventListener("pointerdown", (e) => {
-  held = [e.clientX, e.clientY];
-  e.target.setPointerCapture(e.pointerId);
-});
-$("scene").addEventListener("pointermove", (e) => {
-  if (held) {
-    moved((e.clientX - held[0]) / 150, (e.clientY - held[1]) / 150, 1);
-    held = [e.clientX, e.clientY];
-  }
-});
-$("scene").addEventListener("pointerup", () => {
-  held = null;
-});
-$("scene").addEventListener(
-  "wheel",
-  (e) => {
-    e.preventDefault();
-    moved(0, 0, Math.exp(-e.deltaY / 600));
-  },
-  { passive: false },
-);
-$("scene").addEventListener("keydown", (e) => {
-  const step = {
-    ArrowLeft: [-0.1, 0, 1],
-    ArrowRight: [0.1, 0, 1],
-    ArrowUp: [0, 0.1, 1],
-    ArrowDown: [0, -0.1, 1],
-    "+": [0, 0, 1.15],
-    "-": [0, 0, 1 / 1.15],
-  }[e.key];
-  if (e.key === "0") {
-    Object.assign(view, { turn: 0.6, tilt: 0.45, zoom: 1 });
-    draw();
-  } else if (step) {
-    e.preventDefault();
-    moved(...step);
-  }
-});
 
 function explain(text, name, sign) {
   const span = document.createElement("span");
@@ -173,4 +134,9 @@ explain("force on the endcap", "force", "\u2014");
 explain("path", "accent", "\u2014");
 explain("the truth, where it is known", "truth", "- -");
 explain("two standard deviations of the centre of mass", "accent", "\u25cb");
+Draw.hand($("scene"), view, () => {
+  draw();
+  watch();
+});
+setInterval(watch, WATCH_MS);
 ask();

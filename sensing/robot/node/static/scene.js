@@ -8,19 +8,6 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 const place = (T, p) => [0, 1, 2].map((i) => T[i][0] * p[0] + T[i][1] * p[1] + T[i][2] * p[2] + T[i][3]);
 const bar_ends = (T, bar) => [-1, 1].map((side) => place(T, [0, 0, (side * bar.length_m) / 2]));
 
-// Context of a canvas whose units are CSS pixels, emptied.
-function fitted(canvas) {
-  const ratio = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth;
-  const height = canvas.clientHeight;
-  if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
-  if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
-  const g = canvas.getContext("2d");
-  g.setTransform(ratio, 0, 0, ratio, 0, 0);
-  g.clearRect(0, 0, width, height);
-  return { g, width, height };
-}
-
 function line(g, points, name, width = 1, dash = []) {
   g.strokeStyle = colour(name);
   g.lineWidth = width;
@@ -43,7 +30,7 @@ function projection(middle, scale, width, height) {
 }
 
 function draw_scene(canvas, about, state) {
-  const { g, width, height } = fitted(canvas);
+  const [g, width, height] = Draw.begin(canvas);
   const scale = (Math.min(width, height) / 1.9) * view.zoom;
   const eye = projection(state.centre_of_mass_m, scale, width, height);
   const radii = about.radius_m.map((r) => r * scale);

@@ -174,6 +174,16 @@ def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypa
     assert RELEASED.bound.at(25.0, 17.0).sigma == pytest.approx(2 * before)
 
 
+@pytest.mark.parametrize(("diameter_mm", "wall_mm"), [(130, 8), (180, 10), (104, 6.7)])
+def test_an_uncertain_force_along_the_plane_makes_the_torque_of_its_lever_uncertain(diameter_mm, wall_mm):
+    """About the sphere's centre: r x f in N m, r from there to the contact, up to what the dome yields."""
+    covariance, tilt = Study(EndcapParams(diameter_mm, wall_mm)).bound.at(20.0, 10.0).covariance, math.radians(20)
+    torque_by_force = covariance[3:, :3] @ np.linalg.pinv(covariance[:3, :3])
+    lever_m = diameter_mm / 2000
+    expected = np.array([-math.cos(tilt), 0.0, math.sin(tilt)])
+    assert torque_by_force[:, 1] / lever_m == pytest.approx(expected, abs=0.25)
+
+
 def test_the_front_holds_what_nothing_beats():
     def place(range_n: float, bound_n: float, mass_g: float) -> Place:
         return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0, 0.1)

@@ -67,7 +67,7 @@ def write_dataset(
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         with _locked(folder):
-            whole = _begin(request, folder)
+            whole = _begin(request, folder, len(shards))
             missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
             begin = time.monotonic()
             states = None if stored is None else stored.resolve()  # workers of a cluster start elsewhere
@@ -128,24 +128,30 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _begin(request: DataRequest, folder: Path) -> int:
+def _begin(request: DataRequest, folder: Path, shards: int) -> int:
     """Write manifest, camera and rest positions of a new folder; check those of an old one; remove partial files.
+
+    Args:
+        request: options of the data set.
+        folder: folder of the set.
+        shards: number of shards of the request.
 
     Returns:
         Number of shards of the complete set: of the larger request, where the set was requested twice.
     """
-    wanted = _manifest(request)
+    wanted = _manifest(request, shards)
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
-        frames = _require_continued(request, folder, manifest)
+        frames = _require_continued(request, folder, manifest, wanted["request"])
         if frames > request.frames:  # a part of the larger set must not count as complete
-            wanted = _manifest(replace(request, frames=frames))
-        wanted["code"] = _codes(folder, len(request.shards()), manifest.get("code"), wanted["code"])
+            larger = replace(request, frames=frames)
+            wanted = _manifest(larger, len(larger.shards()))
+        wanted["code"] = _codes(folder, shards, manifest.get("code"), wanted["code"])
+    np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(studio(request).simulator)))
     (folder / CARD).unlink(missing_ok=True)  # written again when the set is complete
     for litter in (path for place in (folder, folder / "shards") for path in place.glob(".*.????????.part")):
         litter.unlink()
     put_file(folder / MANIFEST, (json.dumps(wanted, indent=1) + "\n").encode(), durable=True)
-    np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(studio(request).simulator)))
     put_file(folder / "dots.npz", buffer.getvalue(), durable=True)
     request.mounted.save(folder / "camera.json", request.identity)
     return int(wanted["shards"])
@@ -158,15 +164,16 @@ def _require_free(folder: Path) -> None:
             raise FileError(f"{folder / name}: is there, and is of no set: choose an empty folder")
 
 
-def _require_continued(request: DataRequest, folder: Path, manifest: dict[str, Any]) -> int:
+def _require_continued(request: DataRequest, folder: Path, manifest: dict[str, Any], wanted: dict[str, Any]) -> int:
     """Refuse a set of other options, columns, noise or constants; returns the number of frames it was requested with.
 
     Args:
         request: options wanted now.
         folder: folder of the set.
         manifest: its manifest.
+        wanted: the options as they are written into a manifest.
     """
-    found, wanted = ADDED_SINCE | manifest.get("request", {}), _manifest(request)["request"]
+    found = ADDED_SINCE | manifest.get("request", {})
     free = ("frames", "noise_key")
     other = [name for name, value in wanted.items() if found.get(name) != value and name not in free]
     if other:
@@ -212,11 +219,10 @@ def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
         )
 
 
-def _manifest(request: DataRequest) -> dict[str, Any]:
+def _manifest(request: DataRequest, shards: int) -> dict[str, Any]:
     """The request as it is written into the manifest."""
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
-    wanted |= {"shards": len(request.shards()), "identity": request.identity.record()}
-    wanted["code"] = [cluster.Origin.here().code]
+    wanted |= {"shards": shards, "identity": request.identity.record(), "code": [cluster.Origin.here().code]}
     return dict(json.loads(json.dumps(wanted)))
 
 

@@ -144,11 +144,12 @@ def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> N
     blunt = indenter.radius_mm if indenter.kind != "plane" else np.inf
     limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(depth_mm, 0.0), blunt))
     if missed_mm > limit:
+        small = f"its radius_mm={indenter.radius_mm:g} is too small for this mesh at this depth"
+        why, larger = ("the mesh is too coarse there", "") if indenter.kind == "plane" else (small, "a larger radius, ")
         raise Refusal(
             "mesh",
-            f"the {indenter.kind} reaches {missed_mm:.2f} mm into the surface between the points where "
-            f"contact is measured, over {limit:.2f} mm: its radius_mm={indenter.radius_mm:g} is too small "
-            "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
+            f"the {indenter.kind} reaches {missed_mm:.2f} mm into the surface between the points where contact is "
+            f"measured, over {limit:.2f} mm: {why}; take a finer density, {larger}or press deeper",
         )
 
 

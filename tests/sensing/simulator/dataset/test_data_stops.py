@@ -192,7 +192,7 @@ def test_a_camera_of_the_user_stays(tmp_path: Path) -> None:
 def test_a_set_of_two_versions_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Another version may solve or draw otherwise, and nothing told its shards from the others."""
+    """Another version may solve or draw otherwise, and nothing said which shards were its own."""
     request, words = replace(small_request(), render="off"), "its 1 shards were made by another version"
     write_dataset(replace(request, frames=6), tmp_path)
     first = LabelledSet(tmp_path).manifest["code"]

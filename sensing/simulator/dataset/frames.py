@@ -60,11 +60,15 @@ def studio(request: DataRequest) -> Studio:
         prony=request.prony,
         interlock=request.interlock,
     )
+    return Studio(simulator, renderer_of(request, simulator))
+
+
+def renderer_of(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
+    """Renderer of the endcap for displacements of the simulator's surface; None where pictures are off."""
     if request.render == "off":
-        return Studio(simulator, None)
+        return None
     surface = simulator.surface
-    renderer = DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
-    return Studio(simulator, renderer)
+    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
 
 
 def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> bytes:

@@ -1,7 +1,8 @@
 """Labelled frames of any design and silicone from the library, in the form of every data set.
 
-    states = library_source(request)                      # or solved_source(request): the same paths, solved directly
-    write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"))
+    shell = shell_of(request)
+    states = library_source(shell[0])                     # or solved_source(shell[0]): the same paths, solved directly
+    write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"), shell)
 
 The folder is that of :mod:`sensing.records_labelled`, as for solved sets. Loads are those of
 :class:`sensing.simulator.similarity.ratios.LoadScale`. Level 5 in the column ``level`` means: from the library.
@@ -23,7 +24,7 @@ from cad.errors import FileError
 from cad.materials import silicone
 from cad.whole_file import put_file
 from sensing.set_manifest import FORMAT, shard_path
-from sensing.simulator.dataset.frames import SIMULATED, joined, labels_of, light_labels, rest_arrays
+from sensing.simulator.dataset.frames import SIMULATED, joined, labels_of, light_labels, renderer_of, rest_arrays
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, apart_state, path_states
 from sensing.simulator.levels import Simulator
@@ -51,9 +52,7 @@ def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
     """
     law = silicone(request.silicone).neo_hooke()
     geometry = ShellGeometry.from_params(request.params)
-    simulator = Simulator(
-        geometry, law, request.density, min(request.level, 2), request.tolerance, interlock=request.interlock
-    )
+    simulator = Simulator(geometry, law, request.density, request.level, request.tolerance, interlock=request.interlock)
     return simulator, LoadScale.of(geometry, law.shear_mpa)
 
 
@@ -126,7 +125,7 @@ def write_labelled(
         FileError: the folder cannot be written.
     """
     simulator, scale = shell
-    renderer, frames = _renderer(request, simulator), 0
+    renderer, frames = renderer_of(request, simulator), 0
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         for old in () if keep else (folder / "shards").glob("*.npz"):
@@ -146,13 +145,6 @@ def write_labelled(
         reason = error.strerror or error
         raise FileError(f"{folder}: cannot be written ({reason}): free some space, or choose another folder") from error
     return frames
-
-
-def _renderer(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
-    if request.render == "off":
-        return None
-    surface = simulator.surface
-    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
 
 
 def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:

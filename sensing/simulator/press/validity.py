@@ -24,7 +24,7 @@ MAX_REACH = 0.15  # of depth or radius: reach between Gauss points; about the re
 REACH_FLOOR_MM = 0.1  # the first touch of a plane lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact force, on nodes that the clamp holds
 ROUND_OFF = 1e-6  # of a force: by less than this it has not fallen
-STRIDE = 0.5  # of a body's radius: its largest step, so that its centre stays outside the shell
+STRIDE = 0.5  # of a body's radius: its largest step of depth, so that its centre stays outside the shell
 _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])  # (g, 9, 2) local gradients at the Gauss points
 
 

@@ -158,9 +158,12 @@ def _begin(request: DataRequest, folder: Path, shards: int) -> int:
 
 
 def _require_free(folder: Path) -> None:
-    """Refuse a folder without a set in which a file of the user's has the name of one that a set has."""
+    """Refuse a folder of no set in which a file has the name of one of a set, before anything is written there."""
+    if (folder / MANIFEST).exists():
+        read_manifest(folder)  # refuses that of an export, and of others
+        return
     for name in OWN_FILES:
-        if (folder / name).exists() and not (folder / MANIFEST).exists():
+        if (folder / name).exists():
             raise FileError(f"{folder / name}: is there, and is of no set: choose an empty folder")
 
 

@@ -187,6 +187,10 @@ def test_a_camera_of_the_user_stays(tmp_path: Path) -> None:
         write_dataset(small_request(), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["camera.json"]
     assert (tmp_path / "camera.json").read_text() == "calibrated"
+    (tmp_path / "manifest.json").write_text('{"parts": []}')  # as that of an export
+    with pytest.raises(FileError, match="not the manifest of labelled frames"):
+        write_dataset(small_request(), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "manifest.json"]
 
 
 def test_a_set_of_two_versions_says_so(

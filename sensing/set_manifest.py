@@ -35,6 +35,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
 
 
+def codes_of(manifest: dict[str, Any]) -> list[str]:
+    """Digest of the code of each version of the toolkit that made shards of a set, or the states in them."""
+    found = manifest.get("code")
+    return found if isinstance(found, list) else ["of an earlier version"]
+
+
 def shard_path(folder: Path, number: int) -> Path:
     """Path of a shard's file."""
     return folder / "shards" / f"{number:05d}.npz"

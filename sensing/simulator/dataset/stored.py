@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.identity import require_same
-from sensing.set_manifest import identity_of, read_manifest, shard_path
+from cad.messages import LOG
+from sensing.set_manifest import codes_of, identity_of, read_manifest, shard_path
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath
@@ -32,7 +34,7 @@ OF_THE_STATES = ("silicone", "mesh")  # aspects of the identity on which states 
 
 
 def require_same_states(folder: Path, request: DataRequest) -> None:
-    """Refuse a set whose states are not those of a request, or lack some of them.
+    """Refuse a set whose states are not those of a request, or lack some of them; warns of those of another version.
 
     Args:
         folder: folder of the set; its shards hold the same paths as those of the request.
@@ -62,6 +64,8 @@ def require_same_states(folder: Path, request: DataRequest) -> None:
     for number, paths in enumerate(shards):
         if not shard_path(folder, number).exists():
             raise FileError(f"--states {folder}: holds no path {paths[0].number}: write it with as many frames first")
+    if codes_of(manifest) != [Origin.here().code]:
+        LOG.warning(f"--states {folder}: another version of the toolkit solved them, whose mechanics may be others")
 
 
 def stored_states(arrays: dict[str, NDArray[Any]], path: LoadPath) -> tuple[list[PathState], list[str]]:

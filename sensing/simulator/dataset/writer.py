@@ -25,7 +25,7 @@ from cad.identity import require_same
 from cad.messages import LOG, transient
 from cad.whole_file import hold_lock, put_file
 from sensing.records_labelled import read_shard, shard_files
-from sensing.set_manifest import FORMAT, identity_of, read_manifest, shard_path
+from sensing.set_manifest import FORMAT, codes_of, identity_of, read_manifest, shard_path
 from sensing.simulator.dataset import cluster, local_workers
 from sensing.simulator.dataset.card import NAME as CARD
 from sensing.simulator.dataset.card import write_card
@@ -67,7 +67,7 @@ def write_dataset(
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         with _locked(folder):
-            whole = _begin(request, folder, len(shards))
+            whole = _begin(request, folder, len(shards), stored)
             missing = [k for k in range(len(shards)) if not _is_whole(shard_path(folder, k))]
             begin = time.monotonic()
             states = None if stored is None else stored.resolve()  # workers of a cluster start elsewhere
@@ -128,25 +128,28 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _begin(request: DataRequest, folder: Path, shards: int) -> int:
+def _begin(request: DataRequest, folder: Path, shards: int, stored: Path | None) -> int:
     """Write manifest, camera and rest positions of a new folder; check those of an old one; remove partial files.
 
     Args:
         request: options of the data set.
         folder: folder of the set.
         shards: number of shards of the request.
+        stored: set whose solved states are taken.
 
     Returns:
         Number of shards of the complete set: of the larger request, where the set was requested twice.
     """
-    wanted = _manifest(request, shards)
+    wanted, solved = _manifest(request, shards), [] if stored is None else codes_of(read_manifest(stored))
+    codes = list(dict.fromkeys([cluster.Origin.here().code, *solved]))
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         frames = _require_continued(request, folder, manifest, wanted["request"])
         if frames > request.frames:  # a part of the larger set must not count as complete
             larger = replace(request, frames=frames)
             wanted = _manifest(larger, len(larger.shards()))
-        wanted["code"] = _codes(folder, shards, manifest.get("code"), wanted["code"])
+        codes = _codes(folder, shards, codes_of(manifest), codes)
+    wanted["code"] = codes
     np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(studio(request).simulator)))
     (folder / CARD).unlink(missing_ok=True)  # written again when the set is complete
     for litter in (path for place in (folder, folder / "shards") for path in place.glob(".*.????????.part")):
@@ -192,25 +195,25 @@ def _require_continued(request: DataRequest, folder: Path, manifest: dict[str, A
     return frames
 
 
-def _codes(folder: Path, shards: int, before: object, here: list[str]) -> list[str]:
+def _codes(folder: Path, shards: int, known: list[str], here: list[str]) -> list[str]:
     """Digests of the code of all runs that made shards; warns where this run adds to those of another version.
 
     Args:
         folder: folder of the set.
         shards: number of shards that are wanted now.
-        before: digests in the manifest; None in one of an earlier version.
-        here: digest of this version.
+        known: digests in the manifest.
+        here: digest of this version, and of those that solved the states which it takes.
     """
-    there, known = len(shard_files(folder)), before if isinstance(before, list) else ["of an earlier version"]
+    there = len(shard_files(folder))
     if not there:
         return here
-    if here[0] in known or all(shard_path(folder, number).exists() for number in range(shards)):
+    if set(here) <= set(known) or all(shard_path(folder, number).exists() for number in range(shards)):
         return known
     LOG.warning(
         f"{folder}: its {there} shards were made by another version of the toolkit, which may solve or draw otherwise "
         "than this one, which adds the missing ones: choose an empty folder for a set of one version"
     )
-    return known + here
+    return list(dict.fromkeys([*known, *here]))
 
 
 def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
@@ -225,7 +228,7 @@ def _require_noise(request: DataRequest, folder: Path, key: object) -> None:
 def _manifest(request: DataRequest, shards: int) -> dict[str, Any]:
     """The request as it is written into the manifest."""
     wanted = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": request.record()}
-    wanted |= {"shards": shards, "identity": request.identity.record(), "code": [cluster.Origin.here().code]}
+    wanted |= {"shards": shards, "identity": request.identity.record()}
     return dict(json.loads(json.dumps(wanted)))
 
 

@@ -209,6 +209,9 @@ def test_a_set_of_two_versions_says_so(
     shard_path(tmp_path, 1).unlink()
     write_dataset(request, tmp_path)  # this version made a shard of it, as the manifest says
     assert "version" not in capsys.readouterr().err
+    write_dataset(request, tmp_path / "drawn", stored=tmp_path)
+    assert "drawn" not in (error := capsys.readouterr().err) and "another version of the toolkit solved them" in error
+    assert LabelledSet(tmp_path / "drawn").manifest["code"] == [*first, "of tomorrow"]
 
 
 def test_a_corrupt_shard_beyond_the_frames_asked_for_is_one_line(

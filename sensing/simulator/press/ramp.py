@@ -65,7 +65,7 @@ def by_force(geometry: ShellGeometry, law: HyperelasticLaw, normal_n: float) -> 
     Raises:
         Refusal: ``range`` for a force that no shell bears.
     """
-    if not normal_n <= MOST_N:
+    if not abs(normal_n) <= MOST_N:  # a negative one is refused by the solver, at once
         limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
         raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
     step_n = STEP_N * min(1.0, LoadScale.of(geometry, law.shear_mpa).force)

@@ -114,7 +114,7 @@ def test_bad_requests_are_refused() -> None:
         press.advance(press.start(), Target(normal_n=1.0, tangential_n=(0.1, 0.0)))
 
 
-@pytest.mark.parametrize("normal_n", [float("nan"), float("inf"), 20_000.0])
+@pytest.mark.parametrize("normal_n", [float("nan"), float("inf"), float("-inf"), 20_000.0])
 def test_a_force_that_no_shell_bears_is_refused_at_once(simulator: Simulator, normal_n: float) -> None:
     with pytest.raises(Refusal, match=r"^range: normal_n=.* outside 0\.\.10000 N"):
         simulator.press(normal_n)

@@ -58,7 +58,7 @@ COLUMNS: dict[str, str] = {
     "dots_px": "(d, 2) where their ink is in the picture, NaN out of view",
     "dots_visible": "(d) painted, in the picture, not hidden",
     "lamp_brightness": "factor on the lamp",
-    "lamp_gradient": "relative brightness of the brightest side of the ring over its middle",
+    "lamp_gradient": "relative change of brightness from the middle of the ring to its brightest side",
     "lamp_azimuth_deg": "where that side is",
     "camera_exposure": "factor on the light collected",
     "reference": "which of the shard's reference pictures has this path's lamp",

@@ -1,4 +1,4 @@
-"""The manifest of a set of labelled frames: options, number of shards, and the identity of the endcap."""
+"""The manifest of a set of labelled frames (options, number of shards, identity of the endcap), and shards' names."""
 
 from __future__ import annotations
 
@@ -33,6 +33,17 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileError(f"{path}: cannot read ({error.strerror}): give a folder of labelled frames") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise FileError(f"{path}: not the manifest of labelled frames ({error}): write the set again") from error
+
+
+def codes_of(manifest: dict[str, Any]) -> list[str]:
+    """Digest of the code of each version of the toolkit that made shards of a set, or the states in them."""
+    found = manifest.get("code")
+    return found if isinstance(found, list) else ["of an earlier version"]
+
+
+def shard_path(folder: Path, number: int) -> Path:
+    """Path of a shard's file."""
+    return folder / "shards" / f"{number:05d}.npz"
 
 
 def is_locked(folder: Path) -> bool:

@@ -15,11 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from cad.errors import FileError
+from sensing.set_manifest import shard_path
 from sensing.simulator.__main__ import main
 from sensing.simulator.dataset import local_workers
 from sensing.simulator.dataset import request as data_request
 from sensing.simulator.dataset.request import DataRequest
-from sensing.simulator.dataset.writer import shard_path, write_dataset
+from sensing.simulator.dataset.writer import write_dataset
 from sensing.simulator.press.press import Target
 from sensing.simulator.protocols import catalogue as protocols
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed

@@ -25,7 +25,7 @@ from cad.whole_file import hold_lock, replace_file
 from sensing.frames import FtMount
 from sensing.records import Frame
 from sensing.records_labelled import COLUMNS, RECORDED, read_shard, shard_files
-from sensing.set_manifest import FORMAT, identity_of, read_manifest
+from sensing.set_manifest import FORMAT, identity_of, read_manifest, shard_path
 from sensing.tracking.zero import Zero
 
 SHARD_FRAMES = 200
@@ -140,7 +140,7 @@ class Recording:
             self._earlier.pop()
         buffer = io.BytesIO()
         np.savez(buffer, **cast(dict[str, Any], arrays))
-        replace_file(self.folder / "shards" / f"{self._shard:05d}.npz", buffer.getvalue())
+        replace_file(shard_path(self.folder, self._shard), buffer.getvalue())
         self._shard += 1
         self._rows, self._pictures = [], []
 

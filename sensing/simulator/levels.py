@@ -8,7 +8,7 @@
 ==  ==========================================================  =====================================================
 1   Newton on the full model                                    nothing left out
 2   stored tangents, contact condensed on the patch             nothing; residual below ``tolerance`` instead of 1e-9
-3   50 modes, a third of the elements or less, contact as in 1  fields outside the modes' span: see the report
+3   50 modes, 60 elements at most, contact as in 1              fields outside the modes' span: see the report
 4   polynomials fitted to level 2 (a library)                   path, stick and slip; planes only; no contact patch
 ==  ==========================================================  =====================================================
 
@@ -39,7 +39,7 @@ from sensing.camera.mount import MountedCamera
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press import tangential, validity
 from sensing.simulator.press.condensed import StoredTangent
-from sensing.simulator.press.frozen import FrozenPress
+from sensing.simulator.press.frozen import TOLERANCE, FrozenPress
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.ramp import by_force, ramp
 from sensing.simulator.press.state import Refusal, State, contact_patch
@@ -59,7 +59,6 @@ from sensing.simulator.solid.surface import turn_wrench
 
 LEVELS = (1, 2, 3, 4)  # see the module's text
 RATE_LEVELS = (1, 2)  # levels with rate effects; the others are fitted to elastic states
-TOLERANCE = 1e-3  # of level 2, relative: residual over contact force
 MAX_TOLERANCE = 1e-2  # largest tolerance that is accepted
 Answer = Callable[[Target], SceneState]
 

@@ -1,6 +1,7 @@
 """Compiled loops of :mod:`sensing.simulator.contact.friction` (N, mm, MPa). Helpers are always inlined.
 
-All that is compiled into the loops is in this file: numba keeps them as long as it does not change.
+All that is compiled into the loops is in this file, but for the numbers of :class:`BodyKind`: numba keeps them as long
+as it does not change.
 """
 
 # mypy: ignore-errors

@@ -120,7 +120,8 @@ def run(options: argparse.Namespace) -> int:
     there, whole = len(data.shards), data.manifest["shards"]
     shards = f"{there} shards" if there >= whole else f"{there} of {whole} shards of a larger set"
     size = sum(path.stat().st_size for path in data.shards)
-    lost = f"{len(refused)} paths with refused states, listed in their shards" if refused else "nothing refused"
+    lacking = len({line.split(" states ")[0] for line in refused})  # a path may touch, and be refused, several times
+    lost = f"{lacking} paths with refused states, listed in their shards" if refused else "nothing refused"
     paths, tilts = len(np.unique(data.column("path"))), data.column("tilt_deg")
     low, high = round(tilts.min()), round(tilts.max())
     at = f"{paths} paths at {f'tilt {low}' if low == high else f'tilts {low} to {high}'} degrees"

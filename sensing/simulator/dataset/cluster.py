@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 CONNECT_S = 15  # s, within which a scheduler answers and has a worker
 LOOK_S = 0.2  # s, between two looks at what is done
-SOURCES = ("cad", "sensing/camera", "sensing/simulator")
+SOURCES = ("cad", "sensing/camera", "sensing/simulator", "sensing/records.py", "sensing/records_labelled.py")
 WORKER = "dask worker {address} --nworkers -1 --nthreads 1"
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.materials import silicone
-from sensing.records_labelled import COLUMNS
+from sensing.records_labelled import COLUMNS, read_shard
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState, path_states
@@ -60,11 +60,15 @@ def studio(request: DataRequest) -> Studio:
         prony=request.prony,
         interlock=request.interlock,
     )
+    return Studio(simulator, renderer_of(request, simulator))
+
+
+def renderer_of(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
+    """Renderer of the endcap for displacements of the simulator's surface; None where pictures are off."""
     if request.render == "off":
-        return Studio(simulator, None)
+        return None
     surface = simulator.surface
-    renderer = DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
-    return Studio(simulator, renderer)
+    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
 
 
 def shard_bytes(request: DataRequest, paths: list[LoadPath], stored: Path | None = None) -> bytes:
@@ -84,9 +88,10 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
     Args:
         request: options of the data set.
         paths: loading paths of this shard.
-        stored: set whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None solves the paths.
+        stored: shard of the same paths whose solved states are taken (:mod:`sensing.simulator.dataset.stored`); None
+            solves the paths.
     """
-    tools = studio(request)
+    tools, kept = studio(request), None if stored is None else read_shard(stored)
     tools.simulator.forget()
     rows: list[dict[str, Any]] = []
     surfaces: list[NDArray[np.float32]] = []
@@ -94,10 +99,10 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
     references: list[bytes] = []
     refusals: list[str] = []
     for number, path in enumerate(paths):
-        if stored is None:
+        if kept is None:
             states, refused = path_states(tools.simulator, path, request.body(path.tilt_deg))
         else:
-            states, refused = stored_states(stored, path)
+            states, refused = stored_states(kept, path)
         refusals += refused
         settings = _settings(request, path)
         if tools.renderer is not None:
@@ -105,8 +110,8 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
             references.append(tools.renderer.render(frame=rest, settings=settings).jpeg)
         for azimuth_index, azimuth in enumerate(path.azimuths_deg):
             for state in states:
-                row = _labels(request, path, state, azimuth)
-                row |= {"reference": number, **_light_labels(settings)}
+                row = labels_of(request, path, state, azimuth)
+                row |= {"reference": number, **light_labels(settings)}
                 picture_number = azimuth_index * len(path.waypoints) + state.step + 1
                 noise = noise_number(request.seed, path.number, picture_number)
                 dots, picture = _picture(tools, request, state, azimuth, noise, settings)
@@ -117,7 +122,7 @@ def shard_arrays(request: DataRequest, paths: list[LoadPath], stored: Path | Non
     arrays["refusals"] = np.array(refusals, dtype=np.str_)
     if tools.renderer is None:
         return {**arrays, "surface_mm": np.array(surfaces)}
-    return {**arrays, **_joined("jpeg", pictures), **_joined("reference_jpeg", references)}
+    return {**arrays, **joined("jpeg", pictures), **joined("reference_jpeg", references)}
 
 
 def noise_number(seed: int, path: int, picture: int) -> int:
@@ -132,15 +137,22 @@ def noise_number(seed: int, path: int, picture: int) -> int:
     return (seed * PATHS_A_SEED + path) * STEPS_A_PATH + picture
 
 
-def rest_arrays(request: DataRequest) -> dict[str, NDArray[Any]]:
+def rest_arrays(simulator: Simulator) -> dict[str, NDArray[Any]]:
     """Rest positions: dots (d, 3) and inner surface (k, 3), mm."""
-    simulator = studio(request).simulator
     directions = dot_directions(simulator.geometry)
     dots = simulator.geometry.inner_radius_mm * directions + np.array(simulator.geometry.centre_mm)
     return {"dots_mm": dots, "surface_mm": simulator.surface.position}
 
 
-def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg: float) -> dict[str, Any]:
+def labels_of(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg: float) -> dict[str, Any]:
+    """Columns of one frame that do not depend on the picture.
+
+    Args:
+        request: request of the shell.
+        path: loading path of the state.
+        state: solved states at the beginning and the end of the exposure.
+        azimuth_deg: azimuth of the contact, degrees.
+    """
     begin, end, point = state.begin, state.end, path.waypoints[state.step]
     wrench = turn_wrench((begin.wrench + end.wrench) / 2, azimuth_deg)
     certificate = end.certificate
@@ -207,7 +219,7 @@ def _picture(
         moved = (simulator.markers(state.begin, azimuth_deg) + moved) / 2
         shown = (simulator.outlines(state.begin, request.mounted, azimuth_deg) + shown) / 2
     if tools.renderer is None:
-        pixels = request.mounted.project(rest_arrays(request)["dots_mm"] + moved)
+        pixels = request.mounted.project(rest_arrays(simulator)["dots_mm"] + moved)
         camera = request.mounted.camera
         seen = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(axis=1)
         picture = b""
@@ -230,7 +242,8 @@ def _settings(request: DataRequest, path: LoadPath) -> RenderSettings:
     return replace(request.settings, lamp=lamp, sensor=replace(request.settings.sensor, exposure=exposure))
 
 
-def _light_labels(settings: RenderSettings) -> dict[str, Any]:
+def light_labels(settings: RenderSettings) -> dict[str, Any]:
+    """Columns of the lamp and the camera's exposure."""
     return {
         "lamp_brightness": settings.lamp.brightness,
         "lamp_gradient": settings.lamp.gradient,
@@ -239,6 +252,7 @@ def _light_labels(settings: RenderSettings) -> dict[str, Any]:
     }
 
 
-def _joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
+def joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
+    """Pictures end to end, and where each of them ends, under the names of a shard."""
     ends = np.cumsum([len(picture) for picture in pictures], dtype=np.int64)
-    return {f"{prefix}": np.frombuffer(b"".join(pictures), np.uint8), f"{prefix}_end": ends}
+    return {prefix: np.frombuffer(b"".join(pictures), np.uint8), f"{prefix}_end": ends}

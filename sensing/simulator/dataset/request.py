@@ -29,6 +29,7 @@ from sensing.simulator.solid.mesh import DENSITIES
 from sensing.simulator.solid.shell import PLAIN, require_interlock
 
 PATHS_PER_SHARD = 3  # loading paths of a shard
+MOST_AZIMUTHS = 64  # a shard of 33 states a path and 80 kB a picture has 510 MB then; sensing.npz reads up to 537
 TOLERANCE = 2e-3  # of level 2 (docs/data.md: markers within 0.01 %, wrench within 0.2 % of a converged path)
 PATH_LEVELS = (1, 2)  # levels that follow a path; level 4 depends on forces alone (Simulator.bulk)
 RENDERERS = ("off", *RENDER_LEVELS)  # values of ``render``
@@ -109,7 +110,8 @@ class DataRequest:
     interlock: float = PLAIN
 
     def __post_init__(self) -> None:
-        for name, low, high in (("frames", 1, 10**7), ("azimuths", 1, 360), ("seed", 0, 2**32), ("sensor", 0, 2**32)):
+        ranges = {"frames": (1, 10**7), "azimuths": (1, MOST_AZIMUTHS), "seed": (0, 2**32), "sensor": (0, 2**32)}
+        for name, (low, high) in ranges.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ParameterError(f"{name}={value} outside {low}..{high}: give a count", name=name, value=value)

@@ -58,7 +58,7 @@ def path_states(
     for touching, group in groupby(enumerate(waypoints), key=lambda item: item[1].target is not None):
         numbered = list(group)
         if not touching:
-            states += [_apart(simulator, step, point) for step, point in numbered]
+            states += [apart_state(simulator, step, point, simulator.level) for step, point in numbered]
             continue
         done = len(states)
         try:
@@ -101,10 +101,16 @@ def _solved(
         yield PathState(step, begin, begin if point.begins is None else next(answers))
 
 
-def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
-    """State of the untouched shell, which needs no solution."""
+def apart_state(simulator: Simulator, step: int, point: Waypoint, level: int) -> PathState:
+    """State of the untouched shell, which needs no solution.
+
+    Args:
+        simulator: simulator of the shell.
+        step, point: number of the waypoint in its path, and the waypoint.
+        level: level that the state states.
+    """
     rest = np.zeros_like(simulator.surface.position)
     state = SceneState(
-        simulator.level, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None
+        level, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None
     )
     return PathState(step, state, state)

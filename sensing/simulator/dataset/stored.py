@@ -1,6 +1,7 @@
 """Solved states of a set that was written without pictures, so that other sensors can render them without the solver.
 
-    states, refusals = stored_states(Path("exports/states"), request, path)
+    require_same_states(Path("exports/states"), request)
+    states, refusals = stored_states(read_shard(shard_path(Path("exports/states"), 0)), path)
 
 Mechanics cost much more than a picture and do not depend on paint, lamp and camera. Only states at rest can be reused:
 of a motion the set holds the end of each exposure, not its beginning.
@@ -10,7 +11,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from cad.errors import FileError, ParameterError
 from cad.identity import require_same
-from sensing.records_labelled import LabelledSet, read_shard
-from sensing.set_manifest import identity_of, read_manifest
+from cad.messages import LOG
+from sensing.set_manifest import codes_of, identity_of, read_manifest, shard_path
+from sensing.simulator.dataset.cluster import Origin
 from sensing.simulator.dataset.request import ADDED_SINCE, DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.protocols.loading import LoadPath
@@ -33,14 +34,14 @@ OF_THE_STATES = ("silicone", "mesh")  # aspects of the identity on which states 
 
 
 def require_same_states(folder: Path, request: DataRequest) -> None:
-    """Refuse a set whose states are not those of a request.
+    """Refuse a set whose states are not those of a request, or lack some of them; warns of those of another version.
 
     Args:
-        folder: folder of the set.
+        folder: folder of the set; its shards hold the same paths as those of the request.
         request: request whose states are wanted.
 
     Raises:
-        FileError: no such set, or one of another mesh.
+        FileError: no such set, one of another mesh, or one with fewer paths.
         ParameterError: other options, other constants than the silicone has now, pictures instead of states, or a
             protocol of motions.
     """
@@ -48,42 +49,42 @@ def require_same_states(folder: Path, request: DataRequest) -> None:
     found, wanted = ADDED_SINCE | manifest.get("request", {}), json.loads(json.dumps(request.record()))
     other = [name for name, value in wanted.items() if found.get(name) != value]
     other = [name for name in other if name not in OF_THE_SENSOR | {"noise_key"}]
-    options, said = {f.name for f in fields(request)}, ""
+    options, said, shards = {f.name for f in fields(request)}, "", request.shards()
     if other:
         fix = "give the same options" if options & set(other) else f"write it again, {request.silicone} has others now"
         said = f"was made with {', '.join(f'{name}={found.get(name)}' for name in other)}: {fix}"
     elif found.get("render") != "off":
         said = "holds pictures and no states: write one with --render off"
-    elif any(path.exposure_s > 0 for path in request.shards()[0]):
+    elif any(path.exposure_s > 0 for path in shards[0]):
         said = f"protocol={request.protocol} smears its pictures, and the set keeps one state a frame: solve it again"
     if said:
         raise ParameterError(f"--states {folder}: {said}", name="states", value=str(folder))
     there = identity_of(folder, manifest)
     require_same(f"--states {folder}", "states", there, request.identity, "write them again", OF_THE_STATES)
+    for number, paths in enumerate(shards):
+        if not shard_path(folder, number).exists():
+            raise FileError(f"--states {folder}: holds no path {paths[0].number}: write it with as many frames first")
+    if codes_of(manifest) != [Origin.here().code]:
+        LOG.warning(f"--states {folder}: another version of the toolkit solved them, whose mechanics may be others")
 
 
-def stored_states(folder: Path, path: LoadPath) -> tuple[list[PathState], list[str]]:
+def stored_states(arrays: dict[str, NDArray[Any]], path: LoadPath) -> tuple[list[PathState], list[str]]:
     """States of a path and its refusals, as :func:`sensing.simulator.dataset.states.path_states` gave them.
 
     Args:
-        folder: folder of the set.
-        path: a loading path of the set.
+        arrays: content of the set's shard that holds the path.
+        path: a loading path of that shard.
 
     Raises:
-        FileError: the set does not hold the path.
         ParameterError: the shard's path has another plane (another --azimuths).
     """
-    file = _shard_of_path(folder).get(path.number)
-    if file is None:
-        raise FileError(f"--states {folder}: holds no path {path.number}: write it with as many frames first")
-    arrays = _arrays(file)
     rows = np.flatnonzero(arrays["path"] == path.number)
-    same = [abs(float(arrays[name][rows[0]]) - getattr(path, name)) < 1e-9 for name in ("tilt_deg", "friction")]
-    if not all(same):
+    there = {name: float(arrays[name][rows[0]]) for name in ("tilt_deg", "friction")}
+    if any(abs(value - getattr(path, name)) > 1e-9 for name, value in there.items()):
         raise ParameterError(
-            f"--states {folder}: path {path.number} has another friction there: give the same --azimuths",
+            f"--states: path {path.number} has another friction there ({there['friction']:g}, here {path.friction:g}): "
+            "give the same --azimuths",
             name="states",
-            value=str(folder),
         )
     rows = rows[arrays["azimuth_deg"][rows] == arrays["azimuth_deg"][rows[0]]]
     refusals = [str(line) for line in arrays["refusals"] if str(line).startswith(f"path {path.number} ")]
@@ -110,14 +111,3 @@ def _state(arrays: dict[str, NDArray[Any]], row: int) -> SceneState:
         patch=None,
         certificate=None,
     )
-
-
-@lru_cache(maxsize=1)
-def _shard_of_path(folder: Path) -> dict[int, Path]:
-    files = LabelledSet(folder).shards
-    return {int(number): file for file in files for number in np.unique(read_shard(file, ("path",))["path"])}
-
-
-@lru_cache(maxsize=1)
-def _arrays(file: Path) -> dict[str, NDArray[Any]]:
-    return read_shard(file)

@@ -21,6 +21,7 @@ from sensing.simulator.solid.geometry import ShellGeometry
 MOST_N = 10_000.0  # E: N, more than any shell bears within the depths that are modelled
 MOST_TRAVEL = 2.0  # of R: by then a plane slides and its state no longer changes; another body has left the dome
 STEP_N = 5.0  # N, largest load step; on a softer shell as much less as it bears
+ROUND_OFF = 1e-9  # of a step: a load that is a whole number of steps takes no more
 TRAVEL_STEP, MOST_STEPS = 0.125, 10  # of T, largest step of a travel: 1 mm at T=8; past so many steps the body slides
 DEPTH_STEP = 0.03  # of R, largest step of a depth: 2 mm at D=130, where 5 N press as deep
 
@@ -64,10 +65,11 @@ def by_force(geometry: ShellGeometry, law: HyperelasticLaw, normal_n: float) -> 
     Raises:
         Refusal: ``range`` for a force that no shell bears.
     """
-    if not normal_n <= MOST_N:
+    if not abs(normal_n) <= MOST_N:  # a negative one is refused by the solver, at once
         limits = f"0..{MOST_N:g} N: no shell bears more within the depths that are modelled"
         raise Refusal("range", f"normal_n={normal_n:g} outside {limits}")
-    steps = max(1, round(normal_n / (STEP_N * min(1.0, LoadScale.of(geometry, law.shear_mpa).force))))
+    step_n = STEP_N * min(1.0, LoadScale.of(geometry, law.shear_mpa).force)
+    steps = max(1, math.ceil(normal_n / step_n - ROUND_OFF))
     return [Target(normal_n=float(part * normal_n)) for part in np.linspace(0, 1, steps + 1)[1:]]
 
 

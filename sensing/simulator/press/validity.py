@@ -24,7 +24,7 @@ MAX_REACH = 0.15  # of depth or radius: reach between Gauss points; about the re
 REACH_FLOOR_MM = 0.1  # the first touch of a plane lies between Gauss points, too, by at most a third of this
 MAX_RIM_SHARE = 0.01  # of the contact force, on nodes that the clamp holds
 ROUND_OFF = 1e-6  # of a force: by less than this it has not fallen
-STRIDE = 0.5  # of a body's radius: its largest step, so that its centre stays outside the shell
+STRIDE = 0.5  # of a body's radius: its largest step of depth, so that its centre stays outside the shell
 _, _GRADIENT = shape_quad(face_rule(POINTS_PER_SIDE)[0])  # (g, 9, 2) local gradients at the Gauss points
 
 
@@ -144,11 +144,12 @@ def require_measured(indenter: Indenter, depth_mm: float, missed_mm: float) -> N
     blunt = indenter.radius_mm if indenter.kind != "plane" else np.inf
     limit = max(REACH_FLOOR_MM, MAX_REACH * min(max(depth_mm, 0.0), blunt))
     if missed_mm > limit:
+        small = f"its radius_mm={indenter.radius_mm:g} is too small for this mesh at this depth"
+        why, larger = ("the mesh is too coarse there", "") if indenter.kind == "plane" else (small, "a larger radius, ")
         raise Refusal(
             "mesh",
-            f"the {indenter.kind} reaches {missed_mm:.2f} mm into the surface between the points where "
-            f"contact is measured, over {limit:.2f} mm: its radius_mm={indenter.radius_mm:g} is too small "
-            "for this mesh at this depth; take a finer density, a larger radius, or press deeper",
+            f"the {indenter.kind} reaches {missed_mm:.2f} mm into the surface between the points where contact is "
+            f"measured, over {limit:.2f} mm: {why}; take a finer density, {larger}or press deeper",
         )
 
 

@@ -15,8 +15,8 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 
 TILTS_DEG = (10.0, 20.0, 30.0, 40.0, 50.0)  # P, NET20
-FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # E: Coulomb coefficient, dusty to clean silicone on plastic
-FRICTION_RANGE = (0.3, 1.0)  # E: dusty to clean silicone on plastic
+FORCES_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)  # P, NET22: from 5 to 35 N; E: steps of 5
+FRICTION_RANGE = (0.3, 1.0)  # E: Coulomb coefficient, dusty to clean silicone on plastic
 CIRCLE_RADIUS_MM = (0.5, 4.0)  # E: travel of the circle
 CIRCLE_STATES = 12  # states on the circle
 PATHS_PER_TILT = 3  # neighbours share their tilt, so that level 2 can share its tangents

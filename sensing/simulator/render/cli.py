@@ -18,6 +18,7 @@ import numpy as np
 from cad.design_arguments import add_design_arguments, design_of
 from cad.errors import EndcapError, FileError, ParameterError
 from cad.extras import program
+from cad.identity import identity
 from cad.messages import LOG
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
@@ -38,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         _require_used(options)
         params = design_of(options)
-        mounted = MountedCamera.load(options.camera) if options.camera else nominal_mount(params)
+        mounted = MountedCamera.load(options.camera, identity(params)) if options.camera else nominal_mount(params)
         photo = _read(options.beside) if options.beside else None
         renderer = _renderer(options, params, mounted)
         image = renderer.render(_displacement(options, params, renderer.surface_mm), frame=options.frame).image_bgr

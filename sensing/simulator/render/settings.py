@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
 from cad.errors import ParameterError
+from cad.lens import camera_module
 
 Level = Literal["draft", "data", "fine", "reference"]
+CIRCLE_EDGE_DEG = 0.5  # M: from the middle of the image circle's edge to where the picture ends (circle_deg of a row)
 
 
 @dataclass(frozen=True)
@@ -90,14 +92,14 @@ class Optics:
         defocus_px: Gaussian sigma of the blur on the axis, px at 480 rows.
         defocus_edge_px: the same at the edge of the view, px at 480 rows.
         vignetting: exponent p of cos(theta / 2)^p.
-        circle_deg: half angle at which the image circle ends, degrees (M: 92 on the 720p photo).
+        circle_deg: half angle in the middle of the image circle's edge, degrees; by default that of the camera module.
         circle_soft_deg: width of that edge, degrees.
     """
 
     defocus_px: float = 0.5
     defocus_edge_px: float = 0.8
     vignetting: float = 4.0
-    circle_deg: float = 91.5
+    circle_deg: float = field(default_factory=lambda: camera_module().circle_deg - CIRCLE_EDGE_DEG)
     circle_soft_deg: float = 1.2
 
 

@@ -1,7 +1,8 @@
 """Labelled frames of any design and silicone from the library, in the form of every data set.
 
-    states = library_source(request)                      # or solved_source(request): the same paths, solved directly
-    write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"))
+    shell = shell_of(request)
+    states = library_source(shell[0])                     # or solved_source(shell[0]): the same paths, solved directly
+    write_labelled(request, library_paths(), states, Path("exports/D180_T10/states"), shell)
 
 The folder is that of :mod:`sensing.records_labelled`, as for solved sets. Loads are those of
 :class:`sensing.simulator.similarity.ratios.LoadScale`. Level 5 in the column ``level`` means: from the library.
@@ -22,10 +23,10 @@ from numpy.typing import NDArray
 from cad.errors import FileError
 from cad.materials import silicone
 from cad.whole_file import put_file
-from sensing.set_manifest import FORMAT
-from sensing.simulator.dataset.frames import SIMULATED, world_pose
+from sensing.set_manifest import FORMAT, shard_path
+from sensing.simulator.dataset.frames import SIMULATED, joined, labels_of, light_labels, renderer_of, rest_arrays
 from sensing.simulator.dataset.request import DataRequest
-from sensing.simulator.dataset.states import PathState, path_states
+from sensing.simulator.dataset.states import PathState, apart_state, path_states
 from sensing.simulator.levels import Simulator
 from sensing.simulator.protocols.loading import PHASES, LoadPath, Waypoint
 from sensing.simulator.protocols.scaled import scaled
@@ -36,7 +37,6 @@ from sensing.simulator.similarity.paths import library_paths, touching_steps
 from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, about, common_order, wrench_units
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
-from sensing.simulator.solid.surface import dot_directions, turn_wrench
 
 LEVEL = 5  # value of the column "level" for states from the library
 PROTOCOL = "library"  # value of the protocol for the library's paths
@@ -52,9 +52,7 @@ def shell_of(request: DataRequest) -> tuple[Simulator, LoadScale]:
     """
     law = silicone(request.silicone).neo_hooke()
     geometry = ShellGeometry.from_params(request.params)
-    simulator = Simulator(
-        geometry, law, request.density, min(request.level, 2), request.tolerance, interlock=request.interlock
-    )
+    simulator = Simulator(geometry, law, request.density, request.level, request.tolerance, interlock=request.interlock)
     return simulator, LoadScale.of(geometry, law.shear_mpa)
 
 
@@ -77,7 +75,7 @@ def library_source(simulator: Simulator, library: Library | None = None) -> Stat
         found, row = [], first[path.number]
         for step, point in enumerate(path.waypoints):
             if point.target is None:
-                found.append(_apart(simulator, step, point))
+                found.append(apart_state(simulator, step, point, LEVEL))
                 continue
             if states.known[row]:
                 found.append(_from_library(states, row, step, point, geometry, order, units))
@@ -127,20 +125,20 @@ def write_labelled(
         FileError: the folder cannot be written.
     """
     simulator, scale = shell
-    renderer, frames = _renderer(request, simulator), 0
+    renderer, frames = renderer_of(request, simulator), 0
     try:
         (folder / "shards").mkdir(parents=True, exist_ok=True)
         for old in () if keep else (folder / "shards").glob("*.npz"):
             old.unlink()
         _begin(request, simulator, folder, len(paths))
         for number, path in enumerate(paths):
-            if (folder / "shards" / f"{number:05d}.npz").exists():
+            if shard_path(folder, number).exists():
                 continue
             shard = _shard(request, simulator, renderer, scaled(path, scale), source)
             frames += len(shard["path"])
             buffer = io.BytesIO()
             np.savez(buffer, **cast(dict[str, Any], shard))
-            put_file(folder / "shards" / f"{number:05d}.npz", buffer.getvalue(), durable=keep)
+            put_file(shard_path(folder, number), buffer.getvalue(), durable=keep)
             if progress is not None:
                 progress(number + 1, len(paths))
     except OSError as error:
@@ -149,21 +147,11 @@ def write_labelled(
     return frames
 
 
-def _renderer(request: DataRequest, simulator: Simulator) -> DomeRenderer | None:
-    if request.render == "off":
-        return None
-    surface = simulator.surface
-    return DomeRenderer(request.params, request.mounted, request.settings, surface.position, surface.interpolation)
-
-
 def _begin(request: DataRequest, simulator: Simulator, folder: Path, shards: int) -> None:
     record = request.record() | {"protocol": PROTOCOL, "level": LEVEL}
     manifest = {"format": FORMAT, "phases": list(PHASES), "columns": SIMULATED, "request": record, "shards": shards}
     manifest["identity"] = request.identity.record()
-    geometry = simulator.geometry
-    dots = geometry.inner_radius_mm * dot_directions(geometry) + np.array(geometry.centre_mm)
-    buffer = io.BytesIO()
-    np.savez(buffer, dots_mm=dots, surface_mm=simulator.surface.position)
+    np.savez(buffer := io.BytesIO(), **cast(dict[str, Any], rest_arrays(simulator)))
     put_file(folder / "dots.npz", buffer.getvalue())
     request.mounted.save(folder / "camera.json", request.identity)
     put_file(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
@@ -181,7 +169,7 @@ def _shard(
         for state in states:
             moved = simulator.markers(state.end, azimuth)
             shown = simulator.outlines(state.end, request.mounted, azimuth)
-            row = _labels(request, path, state, azimuth)
+            row = labels_of(request, path, state, azimuth) | {"reference": 0, **light_labels(request.settings)}
             row |= {"dots_mm": moved.astype(np.float32), "outline_mm": shown.astype(np.float32)}
             if renderer is None:
                 pixels = np.full((len(moved), 2), np.nan)
@@ -199,22 +187,7 @@ def _shard(
     if renderer is None:
         return arrays
     reference = renderer.render(frame=path.number << 14, settings=request.settings).jpeg
-    return arrays | _joined("jpeg", pictures) | _joined("reference_jpeg", [reference])
-
-
-def _labels(request: DataRequest, path: LoadPath, state: PathState, azimuth_deg: float) -> dict[str, Any]:
-    end, point = state.end, path.waypoints[state.step]
-    wrench = turn_wrench(end.wrench, azimuth_deg)
-    return {
-        "path": path.number, "step": state.step, "phase": PHASES.index(point.phase), "level": end.level, "scene": -1,
-        "endcap": -1, "time_s": point.time_s, "exposure_s": 0.0, "latency_s": 0.0, "tilt_deg": path.tilt_deg,
-        "azimuth_deg": azimuth_deg, "friction": path.friction, "depth_mm": end.depth_mm,
-        "shift_mm": np.array(end.shift_mm), "normal_n": end.normal_n,
-        "T_world_endcap": world_pose(request, path, state, azimuth_deg), "force_n": wrench[:3],
-        "torque_nm": wrench[3:] / 1000, "contact": end.normal_n > 0, "patch_mm2": end.patch_mm2,
-        "slip_share": end.slip_share, "residual": end.error_estimate, "reference": 0, "lamp_brightness": 1.0,
-        "lamp_gradient": 0.0, "lamp_azimuth_deg": 0.0, "camera_exposure": request.settings.sensor.exposure,
-    }  # fmt: skip
+    return arrays | joined("jpeg", pictures) | joined("reference_jpeg", [reference])
 
 
 def _from_library(
@@ -242,17 +215,6 @@ def _from_library(
         None,
     )
     return PathState(step, end, end)
-
-
-def _apart(simulator: Simulator, step: int, point: Waypoint) -> PathState:
-    rest = np.zeros_like(simulator.surface.position)
-    end = SceneState(LEVEL, -point.apart_mm, (0.0, 0.0), 0.0, (0.0, 0.0), np.zeros(6), rest, 0.0, 0.0, 0.0, None, None)
-    return PathState(step, end, end)
-
-
-def _joined(prefix: str, pictures: list[bytes]) -> dict[str, NDArray[Any]]:
-    ends = np.cumsum([len(picture) for picture in pictures], dtype=np.int64)
-    return {prefix: np.frombuffer(b"".join(pictures), np.uint8), f"{prefix}_end": ends}
 
 
 def with_azimuths(paths: Sequence[LoadPath], count: int) -> list[LoadPath]:

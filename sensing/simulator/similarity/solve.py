@@ -79,7 +79,7 @@ def solve_node(
         found = {state.step: state for state in known}
         for step in touching_steps(path):
             state = found.get(step)
-            surfaces.append(_mean_surface(state, order, radius, len(order)))
+            surfaces.append(_surface(state, order, radius))
             wrenches.append(np.full(6, np.nan) if state is None else about(state.end.wrench, centre) / units)
             labels.append(_labels(state, radius, units[0]))
         LOG.info(f"path {path.number}: {len(found)} of {len(path.waypoints)} states")
@@ -107,9 +107,9 @@ def capacity(geometry: ShellGeometry) -> Array:
     return found
 
 
-def _mean_surface(state: PathState | None, order: Index, radius: float, count: int) -> Array:
+def _surface(state: PathState | None, order: Index, radius: float) -> Array:
     if state is None:
-        return np.full((count, 3), np.nan)
+        return np.full((len(order), 3), np.nan)
     return state.end.surface_mm[order] / radius
 
 

@@ -1,6 +1,6 @@
 """The simulated robot of any size: the scene of D=130 T=8 with all lengths scaled, its loads within the weights' range.
 
-    scene, weight_n = robot_of(EndcapParams(180, 10), silicone().shear)
+    scene, weight_n = robot_of(EndcapParams(180, 10), "Smooth-Sil 950")
 
 The robot is a scaled copy: bars, rings and centre of mass scale with R, so that every endcap meets the ground at the
 same tilt. Its weight scales with the endcaps' loads (:class:`LoadScale`), such that the largest load corresponds to the
@@ -27,6 +27,7 @@ from sensing.simulator.similarity.ratios import (
     REFERENCE_RADIUS_MM,
     LoadScale,
     ShellRatios,
+    about,
     common_order,
     wrench_units,
 )
@@ -50,9 +51,8 @@ def robot_of(params: EndcapParams, silicone_name: str) -> tuple[RobotScene, floa
     order = common_order(geometry, surface.position)
     nodes = surface_mesh(params, RenderSettings().at_level("draft").mesh).vertices_mm
     to_nodes = surface.interpolation(nodes)
-    fields, wrenches = np.empty_like(states.surface), states.wrench * units
+    fields, wrenches = np.empty_like(states.surface), about(states.wrench * units, -np.array(geometry.centre_mm))
     fields[:, order] = states.surface * radius
-    wrenches[:, 3:] += np.cross(np.array(geometry.centre_mm), wrenches[:, :3])
     wrenches[:, 3:] /= 1000
     solved, count = {}, len(released.SHARES)
     for number, place in enumerate(plan().places()):

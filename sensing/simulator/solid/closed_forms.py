@@ -48,11 +48,6 @@ def hertz_force_n(young_mpa: float, poisson: float, radius_mm: float, depth_mm: 
     return 4 / 3 * young_mpa / (1 - poisson**2) * math.sqrt(radius_mm) * depth_mm**1.5
 
 
-def hertz_radius_mm(radius_mm: float, depth_mm: float) -> float:
-    """Contact radius of Hertz, a = sqrt(R d), mm."""
-    return math.sqrt(radius_mm * depth_mm)
-
-
 def mindlin_stick_radius_mm(contact_radius_mm: float, tangential_n: float, normal_n: float, friction: float) -> float:
     """Radius of the sticking core of a Hertz contact under a tangential force.
 

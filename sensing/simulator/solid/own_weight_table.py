@@ -64,7 +64,7 @@ def rows_of(diameter_mm: float, wall_mm: float) -> list[list[float]]:
     """
     material, geometry = silicone(), shell_geometry(diameter_mm, wall_mm)
     law, ratios = material.neo_hooke(), ShellRatios.of(geometry)
-    clamp_deg = 90.0 + np.degrees(np.arcsin(ratios.clamp / (1.0 - ratios.wall)))
+    clamp_deg = np.degrees(geometry.clamp_polar_rad(geometry.inner_radius_mm))
     model, unit_mm = shell_model(geometry, law, "data"), geometry.outer_radius_mm**2 / law.shear_mpa * KG_PER_MM3
     free = own_weight_profiles(model, material.density_g_cm3, SHARES[:-1] * clamp_deg)
     found = np.vstack([free, np.zeros(free.shape[1])]) / (unit_mm * material.density_g_cm3)

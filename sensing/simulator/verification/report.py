@@ -7,6 +7,7 @@ written as soon as it is computed, so that a later failure does not lose it.
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import re
 import sys
@@ -22,7 +23,7 @@ from cad.errors import EndcapError, FileError
 from cad.extras import program
 from cad.materials import HyperelasticLaw, hyperelastic_law, silicone
 from cad.messages import LOG, show, transient
-from cad.whole_file import make_folder, put_file, require_place
+from cad.whole_file import make_folder, replace_file, require_place
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.press import Press, Target
 from sensing.simulator.press.state import State
@@ -68,6 +69,7 @@ Words of the tables:
 """
 # Order of the sections' groups in the report.
 ORDER = ("The solid", "Contact", "The shell", "CalculiX", "Level 2", "Level 3", "Level 4", "Hard cases")
+PLOT = "verification_force_depth.png"  # file name of the shell's plot
 HARD_PARTS = 4  # sections of hard cases, so that none takes many minutes
 # Loads of the press of level 1, N.
 FORCES_N = (1.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0)
@@ -94,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
                 continue
             parts[title] = f"{rest[0]}\n({time.process_time() - begin:.0f} s of processor time on one core.)\n"
             text = [HEAD, *(f"{each}\n{parts[each]}" for each in sorted(parts, key=_place))]
-            put_file(path, "\n".join(text).encode())
+            replace_file(path, "\n".join(text).encode())
     except EndcapError as error:
         LOG.error(f"sensing.simulator.verification: {error}")
         return 2
@@ -128,7 +130,7 @@ def _place(title: str) -> tuple[int, int, str]:
 
 
 def _solid(_: Path) -> str:
-    _say("solid")
+    transient("solid")
     rows = [("patch test, distorted 2x2x2 mesh", f"relative error {verify_solid.patch_error():.0e}")]
     for poisson in (0.3, 0.4999):
         sizes = (2, 4, 6)
@@ -154,7 +156,7 @@ def _solid(_: Path) -> str:
 
 
 def _contact(_: Path) -> str:
-    _say("contact")
+    transient("contact")
     ball = verify_contact.ball_on_block()
     rows = [
         ("contact radius under a ball", f"{ball.radius_mm:.4f}", f"{ball.hertz_radius_mm:.4f} mm (Hertz)"),
@@ -201,7 +203,7 @@ def _march(model: ShellModel, friction: float, tilt: float, forces: tuple[float,
 
 
 def _shell(out: Path) -> str:
-    _say("shell")
+    transient("shell")
     geometry, entry = shell_geometry(130, 8), silicone()
     laws: dict[str, HyperelasticLaw] = {
         "neo-Hooke, nu 0.49": entry.neo_hooke(),
@@ -237,7 +239,7 @@ def _shell(out: Path) -> str:
 def _hard(part: int, _: Path) -> str:
     rows, size = [], math.ceil(len(hard_cases.CASES) / HARD_PARTS)
     for case in hard_cases.CASES[part * size : (part + 1) * size]:
-        _say(f"hard case: {case.name}")
+        transient(f"hard case: {case.name}")
         outcome = hard_cases.run_case(case)
         rows.append((outcome.name, outcome.verdict, outcome.detail))
     wrong = sum(row[1].startswith("WRONG") for row in rows)
@@ -261,14 +263,10 @@ def _plot(out: Path, curves: dict[str, tuple[Array, Array]], geometry_line: floa
     axes.plot(depth, geometry_line * depth, "k:", label="Reissner (level 0)")
     axes.set(xlabel="depth, mm", ylabel="normal force, N", title="Plane on the dome, tilt 30, friction 0.5")
     axes.legend(fontsize=7)
-    out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / "verification_force_depth.png", dpi=110)
+    figure.savefig(buffer := io.BytesIO(), format="png", dpi=110)
     pyplot.close(figure)
-    return "verification_force_depth.png"
-
-
-def _say(what: str) -> None:
-    transient(what)
+    replace_file(out / PLOT, buffer.getvalue())
+    return PLOT
 
 
 # Title -> function that computes the section and writes its plots into a folder.

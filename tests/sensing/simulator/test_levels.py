@@ -114,7 +114,7 @@ def test_bad_requests_are_refused() -> None:
         press.advance(press.start(), Target(normal_n=1.0, tangential_n=(0.1, 0.0)))
 
 
-@pytest.mark.parametrize("normal_n", [float("nan"), float("inf"), 20_000.0])
+@pytest.mark.parametrize("normal_n", [float("nan"), float("inf"), float("-inf"), 20_000.0])
 def test_a_force_that_no_shell_bears_is_refused_at_once(simulator: Simulator, normal_n: float) -> None:
     with pytest.raises(Refusal, match=r"^range: normal_n=.* outside 0\.\.10000 N"):
         simulator.press(normal_n)
@@ -276,3 +276,13 @@ def test_a_long_travel_takes_few_steps() -> None:
     ends = [ramp(GEOMETRY, LAW, 5.0, None, (0.0, travel)) for travel in (0.0, 0.9, 2.5, 60.0)]
     assert [len(end) - 1 for end in ends] == [0, 1, 3, 10]
     assert ends[-1][-1] == Target(normal_n=5.0, shift_mm=(0.0, 60.0))
+
+
+def test_no_load_step_is_over_its_limit() -> None:
+    """7 N were one step: loads were rounded to whole steps."""
+    soft = silicone("Dragon Skin 30").neo_hooke()
+    limits = {LAW: 5.0, soft: 5.0 * soft.shear_mpa / LAW.shear_mpa}
+    for law, limit_n in limits.items():
+        for loads in (1.0, 1.4, 2.0, 7.0):
+            ends = [target.normal_n for target in ramp(GEOMETRY, law, loads * limit_n, None, (0.0, 0.0))]
+            assert len(ends) == np.ceil(loads) and ends[-1] == pytest.approx(loads * limit_n)

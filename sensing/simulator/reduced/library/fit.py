@@ -147,7 +147,7 @@ def fit(simulator: Simulator, samples: list[Sample], degree: int = DEGREE) -> Li
     errors = np.zeros((len(samples), 2))
     for tilt in tilts:
         rows = np.array([s.tilt_deg == tilt for s in samples])
-        _check_count(int(rows.sum()), even_count, float(tilt))
+        _check_count(int(rows.sum()), even_count)
         for k, parity in enumerate(parities):
             upper, lower, errors[rows, k] = parity.fitted(rows)
             tables[k].append(upper)
@@ -186,11 +186,11 @@ class _Parity:
         return np.asarray(upper), lower, np.linalg.norm(missed, axis=1) / np.maximum(1 - leverage, MIN_FREE)
 
 
-def _check_count(count: int, terms: int, tilt: float) -> None:
+def _check_count(count: int, terms: int) -> None:
     if count < 1.5 * terms:
         raise ParameterError(
-            f"states={count} at tilt {tilt:g} under {1.5 * terms:g} (1.5 for each of the {terms} terms): solve more, "
-            "or lower the degree",
+            f"states={count} at a tilt under {1.5 * terms:g} (1.5 for each of the {terms} terms of a polynomial): "
+            "solve more, or lower the degree",
             name="states",
             value=count,
         )
@@ -203,7 +203,11 @@ def fit_library(simulator: Simulator, states: int = STATES, seed: int = 0) -> Li
         simulator: level 2 simulator of the shell.
         states: number of states at each tilt.
         seed: seed of the paths.
+
+    Raises:
+        ParameterError: too few states.
     """
+    _check_count(states, _powers(DEGREE)[1])  # before the solver runs for minutes
     samples: list[Sample] = []
     for count, tilt in enumerate(TILTS_DEG):
         transient(f"tilt {tilt:g} degrees ({count + 1}/{len(TILTS_DEG)})")

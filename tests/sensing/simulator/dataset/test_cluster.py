@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -47,6 +49,17 @@ def test_a_worker_of_another_version_is_refused() -> None:
     with pytest.raises(FileError, match="another version of the toolkit"):
         cluster._checked(replace(Origin.here(), code="of yesterday"), os.getpid)
     assert cluster._checked(Origin.here(), os.getpid) == os.getpid()
+
+
+def test_a_version_is_all_code_that_makes_data() -> None:
+    """What reads manifests and files makes none."""
+    script = "import sys, sensing.simulator.dataset.frames as f; print(*sorted(m for m in sys.modules))"
+    names = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    own = [f"{name.replace('.', '/')}" for name in names if name.split(".")[0] in ("cad", "sensing")]
+    known = ("sensing", "sensing/code_digest", "sensing/npz", "sensing/set_manifest")
+    places = [place.removesuffix(".py") for place in cluster.SOURCES]
+    assert "sensing/records" in own
+    assert not [name for name in own if name not in known and not any(f"{name}/".startswith(f"{p}/") for p in places)]
 
 
 def test_a_scheduler_without_workers_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +19,7 @@ from cad.materials import silicone, silicones
 from sensing.camera.mount import MountedCamera
 from sensing.records_labelled import COLUMNS, LabelledSet
 from sensing.simulator.__main__ import main
-from sensing.simulator.dataset.frames import STEPS_A_PATH, _labels, noise_number, shard_arrays, world_pose
+from sensing.simulator.dataset.frames import STEPS_A_PATH, labels_of, noise_number, shard_arrays, world_pose
 from sensing.simulator.dataset.request import DataRequest
 from sensing.simulator.dataset.states import PathState
 from sensing.simulator.dataset.writer import write_dataset
@@ -115,8 +116,21 @@ def test_stored_states_give_what_solving_them_gives(small_set: Path, tmp_path: P
     ):
         with pytest.raises(EndcapError, match=words):
             write_dataset(request, tmp_path / "no", stored=states)
+        assert not (tmp_path / "no").exists()  # said before anything is drawn
     with pytest.raises(ParameterError, match="holds pictures and no states"):
         write_dataset(small_request(), tmp_path / "no", stored=seen)
+
+
+def test_states_that_were_written_anew_are_read_anew(tmp_path: Path) -> None:
+    """A worker of a cluster lives on, and gave the states that it had read before under the same name."""
+    plain = replace(small_request(), frames=6, render="off")
+    for request in (plain, replace(plain, interlock=3.0)):
+        shutil.rmtree(tmp_path / "states", ignore_errors=True)
+        write_dataset(request, tmp_path / "states")
+        shutil.rmtree(tmp_path / "seen", ignore_errors=True)
+        write_dataset(request, tmp_path / "seen", stored=tmp_path / "states")
+        solved, seen = (LabelledSet(tmp_path / name).column("depth_mm") for name in ("states", "seen"))
+        assert np.array_equal(solved, seen)
 
 
 def test_states_of_other_constants_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,6 +231,7 @@ def test_bad_requests_are_one_line_and_status_2(tmp_path: Path, capsys: pytest.C
         (["--density", "lush"], "density='lush' is unknown"),
         (["--protocol", "dance"], "protocol='dance' is unknown: choose one of static"),
         (["--frames", "0"], "frames=0 outside"),
+        (["--azimuths", "65"], "azimuths=65 outside 1..64"),
         (["--tolerance", "0.5"], "tolerance=0.5 outside"),
         (["--level", "4"], "level=4 is unknown: choose one of 1, 2"),
         (["--silicone", "butter"], "silicone='butter' is not in cad/materials.csv"),
@@ -274,5 +289,5 @@ def test_a_frame_is_stamped_with_the_middle_of_its_exposure() -> None:
         wrench=np.zeros(6), level=1, depth_mm=1.0, shift_mm=(0.0, 0.0), normal_n=5.0, patch_mm2=3.0, slip_share=0.0,
         certificate=None, error_estimate=0.0,
     )  # fmt: skip
-    row = _labels(small_request(), path, SimpleNamespace(step=1, begin=solved, end=solved), 30.0)
+    row = labels_of(small_request(), path, SimpleNamespace(step=1, begin=solved, end=solved), 30.0)
     assert row["time_s"] == pytest.approx(path.waypoints[1].time_s - 0.005) and row["exposure_s"] == 0.01

@@ -20,10 +20,11 @@ from small_data import command, environment, group_lives, same, small_request
 
 from cad.errors import FileError
 from sensing.records_labelled import LabelledSet
+from sensing.set_manifest import shard_path
 from sensing.simulator.__main__ import main
-from sensing.simulator.dataset import local_workers
+from sensing.simulator.dataset import cluster, local_workers
 from sensing.simulator.dataset import writer as dataset
-from sensing.simulator.dataset.writer import shard_path, write_dataset
+from sensing.simulator.dataset.writer import write_dataset
 
 pytestmark = pytest.mark.usefixtures("short_paths")
 
@@ -164,6 +165,53 @@ def test_a_smaller_request_leaves_a_larger_set_the_larger_one(
         LabelledSet(tmp_path).require_whole()
     (tmp_path / "manifest.json").write_bytes(asked.replace(b'"frames": 12', b'"frames": "12"'))
     assert main(command) == 2 and "frames='12' is no count" in capsys.readouterr().err
+
+
+def test_files_of_the_user_stay(small_set: Path, tmp_path: Path) -> None:
+    """A browser's unfinished download in the folder, and what another run writes below it, were deleted."""
+    download, below = tmp_path / "film.mp4.part", tmp_path / "other" / "shards" / ".00000.npz.0a1b2c3d.part"
+    left = tmp_path / "shards" / ".00001.npz.0a1b2c3d.part"
+    shutil.copytree(small_set, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "camera.json").unlink()  # as if the first run had been killed behind the manifest
+    below.parent.mkdir(parents=True)
+    for path in (download, below, left):
+        path.write_bytes(b"half")
+    assert write_dataset(small_request(), tmp_path) == 0 and (tmp_path / "camera.json").exists()
+    assert download.exists() and below.exists() and not left.exists()
+
+
+def test_a_camera_of_the_user_stays(tmp_path: Path) -> None:
+    """``--out .`` where ``endcap calibrate`` had written its camera.json put the nominal camera in its place."""
+    (tmp_path / "camera.json").write_text("calibrated")
+    with pytest.raises(FileError, match=r"camera\.json: is there, and is of no set: choose an empty folder"):
+        write_dataset(small_request(), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["camera.json"]
+    assert (tmp_path / "camera.json").read_text() == "calibrated"
+    (tmp_path / "manifest.json").write_text('{"parts": []}')  # as that of an export
+    with pytest.raises(FileError, match="not the manifest of labelled frames"):
+        write_dataset(small_request(), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "manifest.json"]
+
+
+def test_a_set_of_two_versions_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another version may solve or draw otherwise, and nothing said which shards were its own."""
+    request, words = replace(small_request(), render="off"), "its 1 shards were made by another version"
+    write_dataset(replace(request, frames=6), tmp_path)
+    first = LabelledSet(tmp_path).manifest["code"]
+    with monkeypatch.context() as later:
+        later.setattr(cluster, "_code", lambda: "of tomorrow")
+        write_dataset(replace(request, frames=6), tmp_path)  # nothing to add
+        assert LabelledSet(tmp_path).manifest["code"] == first and "version" not in capsys.readouterr().err
+        write_dataset(request, tmp_path)
+        assert LabelledSet(tmp_path).manifest["code"] == [*first, "of tomorrow"] and words in capsys.readouterr().err
+    shard_path(tmp_path, 1).unlink()
+    write_dataset(request, tmp_path)  # this version made a shard of it, as the manifest says
+    assert "version" not in capsys.readouterr().err
+    write_dataset(request, tmp_path / "drawn", stored=tmp_path)
+    assert "drawn" not in (error := capsys.readouterr().err) and "another version of the toolkit solved them" in error
+    assert LabelledSet(tmp_path / "drawn").manifest["code"] == [*first, "of tomorrow"]
 
 
 def test_a_corrupt_shard_beyond_the_frames_asked_for_is_one_line(

@@ -111,6 +111,10 @@ def test_a_small_body_may_miss_a_part_of_its_radius_however_deep_it_is() -> None
         require_measured(Indenter(30, "sphere", 5.0), depth, missed)
         with pytest.raises(Refusal, match="mesh"):
             require_measured(Indenter(30, "sphere", 5.0), depth, missed + 0.02)
+    with pytest.raises(
+        Refusal, match=r"the plane reaches 0\.11 .*: the mesh is too coarse there; take a finer density, or"
+    ):
+        require_measured(Indenter(30), 0.2, 0.11)  # it has no radius to enlarge
 
 
 @pytest.mark.parametrize("level", [1, 2])

@@ -81,6 +81,15 @@ def test_the_mirror_image_is_the_mirrored_field(library: Library, exact: Simulat
     assert one.wrench[0, 3] == pytest.approx(-other.wrench[0, 3])
 
 
+@pytest.mark.parametrize("states", ["0", "20"])
+def test_too_few_states_are_refused_before_the_solver_runs(states, tmp_path, monkeypatch, capsys) -> None:
+    """20 states were solved at seven tilts, for minutes, and then refused; none ended in a traceback."""
+    monkeypatch.setattr(library_fit, "sample_tilt", lambda *_: pytest.fail("the solver runs"))
+    assert library_fit.main(["--out", str(tmp_path / "library.npz"), "--density", "draft", "--states", states]) == 2
+    error = capsys.readouterr().err
+    assert f"states={states} at a tilt under 51" in error and error.count("\n") == 1
+
+
 def test_out_of_range_goes_to_level_2(library: Library) -> None:
     simulator = Simulator(GEOMETRY, LAW, "draft", level=4, library=library)
     scene = Scene(Indenter(TILT), FRICTION)
@@ -126,7 +135,7 @@ def test_a_library_survives_its_file_and_others_are_refused(
         Simulator(shell_geometry(130, 9), LAW, "draft", level=4, library=library)
     with pytest.raises(ParameterError, match="library=None"):
         Simulator(GEOMETRY, LAW, "draft", level=4)
-    with pytest.raises(ParameterError, match=r"states=3 at tilt 25 under"):
+    with pytest.raises(ParameterError, match=r"states=3 at a tilt under"):
         library_fit.fit(exact, judge[:3])
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from cad.identity import identity
 from cad.params import EndcapParams
+from sensing.camera.nominal import nominal_mount
 from sensing.simulator.render.cli import main
 from sensing.simulator.render.mesh import surface_mesh
 
@@ -85,3 +87,14 @@ def test_an_option_that_would_change_nothing_is_refused(words, said, tmp_path, m
     found = capsys.readouterr().err
     assert said in found and found.count("\n") == 1
     assert not (tmp_path / "frame.png").exists()
+
+
+def test_a_camera_of_another_endcap_is_refused(tmp_path, capsys):
+    """Without ``--diameter`` it drew the dome of D=130 through the camera of another one."""
+    other, path = EndcapParams(180, 10), tmp_path / "camera.json"
+    nominal_mount(other).save(path, identity(other))
+    drawn = ["--camera", str(path), "--level", "draft", "--out", str(tmp_path / "frame.png")]
+    assert main(drawn) == 2
+    said = capsys.readouterr().err
+    assert "a camera for the design D180_T10, this endcap has the design D130_T8" in said and said.count("\n") == 1
+    assert main([*drawn, "--diameter", "180", "--wall", "10"]) == 0

@@ -1,5 +1,7 @@
 """The verification report: its sections in their order, whenever each was written."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,19 @@ def test_where_calculix_is_missing_its_comparison_stays(tmp_path: Path, monkeypa
     assert verify.main(["--out", str(tmp_path), "--only", "calculix"]) == 0
     assert path.read_bytes() == REPORT.read_bytes()
     assert "CalculiX is not installed (apt-get install calculix-ccx): its section stays" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """Behind minutes of computing it was a traceback."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setitem(verify.SECTIONS, "solid", lambda _: "## The solid\n\nanew\n")
+    monkeypatch.setattr("cad.whole_file.os.replace", full)
+    assert verify.main(["--out", str(tmp_path), "--only", "solid"]) == 2
+    error = capsys.readouterr().err
+    assert "verification.md: No space left on device: free some space" in error and error.count("\n") == 1
 
 
 def test_a_section_without_a_place_is_a_fault() -> None:

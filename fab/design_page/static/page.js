@@ -89,7 +89,7 @@ async function begin() {
   follow();
 }
 
-// One question at a time: a slider that is dragged asks faster than the server answers. Each answer on the way is shown.
+// One question at a time: a dragged slider asks faster than the server answers. Each answer on the way is shown.
 async function refresh() {
   page.asked += 1;
   if (page.asking) return;

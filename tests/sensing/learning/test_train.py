@@ -76,8 +76,9 @@ def test_samples_are_made_again_when_the_code_that_makes_fields_has_changed(tmp_
     assert cache.stat().st_mtime_ns != changed
 
 
-def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path):
-    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others."""
+def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path, capsys):
+    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others. It is
+    named where the untouched picture contradicts it, as live does."""
     folder = write_set(tmp_path / "set", 1, 3)
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["request"]["protocol"] = "recorded"
@@ -88,6 +89,7 @@ def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_
         mount(nominal_lens(), (0.0, 0.0, height_mm), rotation_matrix([0.0, 0.0, turn_rad])).save(folder / "camera.json")
         seen = read_samples(folder).fields
     assert np.abs(seen - without).max() > 0.1
+    assert "the camera does not fit 1 reference(s), fields are off: camera turned by" in capsys.readouterr().err
     of_another = mount(nominal_lens(), (0.0, 0.0, height_mm))
     of_another.save(folder / "camera.json", identity(EndcapParams(140, 8)))
     with pytest.raises(FileError, match="calibrate this endcap's own"):  # as live refuses it
@@ -96,8 +98,9 @@ def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_
 
 @pytest.mark.parametrize("mounted", others_long(["the found camera", "a recording's camera.json", "no file"]))
 def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
-    """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one."""
-    folder = write_set(tmp_path / "set", 2, 3)
+    """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one. Specks on the
+    lens are no dots: live left them out, training followed them."""
+    folder = write_set(tmp_path / "set", 2, 3, specks=((447, 241), (328, 112), (218, 170)))
     design, camera = EndcapParams(130, 8), None
     if mounted == "the found camera":
         camera = tmp_path / "found.json"

@@ -77,8 +77,8 @@ def test_samples_are_made_again_when_the_code_that_makes_fields_has_changed(tmp_
 
 
 def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path, capsys):
-    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others. It is
-    named where the untouched picture contradicts it, as live does."""
+    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others. It
+    is named where the untouched picture contradicts it, as live does."""
     folder = write_set(tmp_path / "set", 1, 3)
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["request"]["protocol"] = "recorded"

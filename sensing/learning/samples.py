@@ -38,23 +38,16 @@ from sensing.records_labelled import COLUMNS, RECORDED, LabelledSet, read_shard
 from sensing.tracking.methods import FieldMethod, field_method, method_code
 
 SHAPE = (16, 16)  # cells of our model: about as many numbers as the dots give
-# What decides what a field is: dots, camera, tracker, and the sensors that view fields without pictures.
-SOURCES = ("cad", "sensing/camera", "sensing/calibration", "sensing/decode.py", "sensing/learning", "sensing/tracking")
+# What decides what a sample is: dots, camera, tracker, frames of labels, and sensors that view fields without pictures.
+SOURCES = ("cad", "sensing/wrench/dot_noise.py", *(
+    f"sensing/{name}" for name in ("calibration", "camera", "decode.py", "frames.py", "learning", "tracking")
+))  # fmt: skip
 MARKERS = "markers"  # method of fields without pictures
 SENSORS, VIEWS = 64, 4  # number of domain-randomised sensors of a set, and of those that view each run
 # Arrays of the samples, in the order of their cache.
 ROW_ARRAYS = (
-    "fields",
-    "valid",
-    "wrenches",
-    "path",
-    "phase",
-    "time_s",
-    "contact",
-    "tilt_deg",
-    "azimuth_deg",
-    "friction",
-)
+    "fields", "valid", "wrenches", "path", "phase", "time_s", "contact", "tilt_deg", "azimuth_deg", "friction",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """From a folder of labelled frames to weights and a table, on pictures drawn and warped (no simulator)."""
 
 import csv
+import inspect
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +11,22 @@ from live_stand_in import stand_in
 from long_cases import others_long
 from pictured_set import DOTS, write_set
 
+from cad.dots import dot_pattern
 from cad.errors import FileError, ParameterError
 from cad.identity import identity
 from cad.params import EndcapParams
+from sensing.calibration.dots import find_blobs
 from sensing.camera.mount import mount, rotation_matrix
 from sensing.camera.nominal import nominal_lens
+from sensing.code_digest import ROOT
+from sensing.decode import decode_gray
+from sensing.frames import wrench_adjoint
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.records_labelled import LabelledSet
+from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import single_zero
+from sensing.wrench.dot_noise import moved_part
 
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
@@ -74,6 +83,13 @@ def test_samples_are_made_again_when_the_code_that_makes_fields_has_changed(tmp_
     (tmp_path / "other.py").write_text("changed = True\n")
     read_samples(folder)
     assert cache.stat().st_mtime_ns != changed
+
+
+@pytest.mark.parametrize("made_by", [dot_pattern, decode_gray, find_blobs, DotTracker, moved_part, wrench_adjoint])
+def test_code_that_makes_samples_is_part_of_their_stamp(made_by):
+    """The law of the dots' noise and the change of the labels' frame were not: old samples outlived both."""
+    file = Path(inspect.getsourcefile(inspect.unwrap(made_by)))
+    assert any(file.is_relative_to(ROOT / name) for name in samples.SOURCES)
 
 
 def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path, capsys):

@@ -6,6 +6,7 @@ import csv
 import html
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,10 @@ from cad.params import EndcapParams
 from cad.pattern import parse_rings
 from sensing import study as command
 from sensing.design.figures import Figure, Source, as_csv, as_record, figures
-from sensing.design.page import study_page
+from sensing.design.page import map_page, study_page
 from sensing.design.pressed import GYROID_FRACTION, Study
 from sensing.design.prints import estimated_prints, prints_of
-from sensing.design.region import Place, choose, grid, in_silicone, pareto, place_of
+from sensing.design.region import Place, choose, grid, pareto, place_of, survey
 from sensing.learning.marker_fields import Scatter
 
 RELEASED = Study(EndcapParams(130, 8))
@@ -112,11 +113,27 @@ def test_a_softer_silicone_scales_loads_and_bounds_and_nothing_else():
     assert soft.range_n == pytest.approx(ratio * RELEASED.range_n)
     assert soft.stiffness_n_mm(25.0) == pytest.approx(ratio * RELEASED.stiffness_n_mm(25.0))
     assert soft.bound_n == pytest.approx(ratio * RELEASED.bound_n, rel=1e-4)
-    quick = in_silicone(place_of(RELEASED), "Ecoflex 00-30")
-    direct = place_of(soft)
     assert soft.sag_mm > 10 * RELEASED.sag_mm
-    for name in ("range_n", "safe_n", "stiffness_n_mm", "bound_n", "mass_g", "cost_usd", "sag_mm"):
-        assert getattr(quick, name) == pytest.approx(getattr(direct, name), rel=1e-4)
+    on_the_map = next(place for place in survey([(130, 8)]) if place.silicone == "Ecoflex 00-30")
+    assert on_the_map.bound_n == pytest.approx(soft.bound_n, rel=1e-4)
+
+
+def test_a_silicone_that_tears_early_is_limited_by_its_strain_on_the_map_too(monkeypatch):
+    """The map scaled the safe load of the default silicone, which its strain does not limit."""
+
+    def row(name):
+        return replace(silicone(name), elongation_percent=10.0) if name == "Ecoflex 00-30" else silicone(name)
+
+    monkeypatch.setattr("sensing.design.pressed.silicone", row)
+    place = next(place for place in survey([(130, 8)]) if place.silicone == "Ecoflex 00-30")
+    assert (place.safe_n, place.limit) == Study(EndcapParams(130, 8), "Ecoflex 00-30").safe
+    assert place.limit.startswith("strain at")
+
+
+def test_the_page_of_the_map_has_the_prices_that_it_counts(monkeypatch):
+    """It said 40 dollars a kilogram of every silicone."""
+    monkeypatch.setattr("sensing.design.page.map_panels", lambda *_: "")
+    assert "silicones at 44 to 80 dollars a kg" in map_page([], [], "")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ do not span. The residual that they leave grows with the load, and so does the l
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,8 @@ def covered_range(
         samples: training samples, in the loads of D=130 T=8 (:mod:`sensing.learning.reference_loads`).
         config: settings of the training, for its symmetries.
         side: number of cells along a side of the square grid.
-        start: weights that were fine-tuned, in the same loads; their range stays covered.
+        start: weights that were fine-tuned, in the same loads; their range stays covered, and their limit of intervals
+            counts.
     """
     principal, back = weights["principal"].astype(np.float64), pattern_of(weights)
     measures = []
@@ -47,13 +50,16 @@ def covered_range(
     least, slope = _left(left, size)
     force = 1.05 * float(np.quantile(size, OFTEN_ENOUGH))
     tilt = 2.0 + float(np.quantile(contact_angle_deg(samples.wrenches, RELEASED_RADIUS_MM), OFTEN_ENOUGH))
+    interval = math.inf
     if start is not None:  # it still covers the range of the weights that it started from
         known = start.range
         distance, force, tilt = max(distance, known.distance), max(force, known.force_n), max(tilt, known.tilt_deg)
         if np.array_equal(back, pattern_of(start.weights)):  # more fields leave a smaller residual
             least, slope = max(least, known.rest_px), max(slope, known.rest_px_per_n)
+        wider = weights["calibration"][:3] / start.weights["calibration"][:3]
+        interval = known.interval_n * float(wider.min())  # of the network's own spread: what was flagged stays flagged
     cells = (samples.valid.mean(axis=0) > USUALLY) & disc_cells((side, side))
-    return Range(distance, least, cells, force, tilt, slope)
+    return Range(distance, least, cells, force, tilt, slope, interval)
 
 
 def _left(rest_px: Array, force_n: Array) -> tuple[float, float]:

@@ -27,6 +27,7 @@ from sensing.records_labelled import LabelledSet
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import single_zero
 from sensing.wrench.dot_noise import moved_part
+from sensing.wrench.model import load_wrench_model
 
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
@@ -207,6 +208,29 @@ def test_what_a_design_would_ignore_is_refused(ignored, capsys):
 def test_what_folders_would_ignore_is_refused(ignored, tmp_path, capsys):
     assert train.main([str(tmp_path), "--out", str(tmp_path / "w"), *ignored]) == 2
     assert f"folders with {ignored[0]}: it belongs to --design" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--start", "default", "--intervals", "DATA", "--others", "DATA"], "--intervals without DATA with --others"),
+        (["--start", "default", "--intervals", "DATA", "--epochs", "3"], "--intervals without DATA with --epochs"),
+        (["DATA", "--tilt-to", "50"], "no --intervals with --tilt-to"),
+    ],
+)
+def test_what_nothing_reads_is_refused(words, said, tmp_path, capsys):
+    assert train.main([*words, "--out", str(tmp_path / "w")]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_fine_tuning_keeps_the_size_of_the_network_and_records_it(folders, weights, tmp_path, capsys):
+    """--hidden was dropped without a word, and the file stated the size that was asked for."""
+    tune = [str(folders[1]), "--method", "dots", "--start", str(weights), "--epochs", "1", "--out", str(tmp_path / "w")]
+    assert train.main([*tune, "--hidden", "32"]) == 2
+    assert "hidden=32: weights that are fine-tuned keep their 64; leave it out" in capsys.readouterr().err
+    assert train.main([*tune, "--components", "3"]) == 0
+    tuned = load_wrench_model(path=tmp_path / "w")
+    assert tuned.about["training"]["config"]["components"] == len(tuned.weights["principal"]) > 3
 
 
 def test_scores_of_known_errors():

@@ -128,7 +128,7 @@ def evaluate(
         answers: dict[str, Answer] = {who: _answer(given) for who, given in ours.items()}
         answers |= {who: answer for who, answer in comparisons.items() if who != "ours"}
         found |= _scores(answers, test, name, live.load_scale)
-        found |= {} if network is None else _filtered(network, test, LabelledSet(folder), name)
+        found |= _filtered(ours["ours"], test.dots, live.load_scale, name)
     return found, tables
 
 
@@ -147,13 +147,13 @@ def _names(tests: Sequence[Path | str]) -> list[str]:
     return ["/".join(own[-count:]) for own in parts]
 
 
-def _filtered(network: WrenchModel, test: Views, data: LabelledSet, name: str) -> dict[str, Score]:
-    """Filtered wrenches of moving contacts; between states at rest no time passes, and other fields are not kept."""
-    if network.method != "dots" or not (np.isin(test.dots.phase, MOVING).any() and data.column("latency_s").any()):
+def _filtered(given: LiveAnswers, test: Samples, load_scale: float, name: str) -> dict[str, Score]:
+    """Filtered wrenches of moving contacts; between states at rest no time passes."""
+    if not (np.isin(test.phase, MOVING).any() and LabelledSet(test.sources[0]).column("latency_s").any()):
         return {}
     cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))
     return {
-        f"ours + {case}, {name}": filtered_score(network, test.dots, latency, predict=predict)
+        f"ours + {case}, {name}": filtered_score(given.value, given.covariance, test, load_scale, latency, predict)
         for case, latency, predict in cases
     }
 

@@ -3,6 +3,7 @@
 import csv
 import inspect
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -166,6 +167,20 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
     assert float(rows["ours, test"]["rest_n"]) < 0.3
 
 
+def test_the_filter_is_judged_with_the_answers_and_covariances_of_live(folders, monkeypatch):
+    """It took the network's own, without what live adds for camera, noise and simulation; a plug-in's had no row."""
+    plain = evaluate.evaluate([folders[1]], model=stand_in())[0]
+    live_answers = evaluate.live_answers
+
+    def wider(data, model, camera):
+        found = live_answers(data, model, camera)
+        return replace(found, covariance=1e6 * found.covariance)
+
+    monkeypatch.setattr(evaluate, "live_answers", wider)
+    wide = evaluate.evaluate([folders[1]], model=stand_in())[0]
+    assert plain["ours + filter, test"].coverage < 0.9 and wide["ours + filter, test"].coverage == 1.0
+
+
 def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path, capsys):
     assert evaluate.main([str(folders[0]), "--weights", str(weights)]) == 2
     assert "shares 8 paths, poses or pictures with the training (path static-1-0)" in capsys.readouterr().err
@@ -262,8 +277,6 @@ def test_turning_a_field_turns_place_and_direction():
 @pytest.mark.long
 def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
     """Fields from an axisymmetric law at two tilts; the inverse is tried at other azimuths."""
-    from dataclasses import replace
-
     base = read_samples(folders[0])
     y, x = (np.mgrid[0:16, 0:16] + 0.5) / 8 - 1
 

@@ -33,7 +33,7 @@ from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG, show
 from cad.whole_file import replace_file, require_place
-from sensing.arguments import whole
+from sensing.arguments import refuse_unused, whole
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -233,12 +233,12 @@ def _require_used(options: argparse.Namespace) -> None:
         raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
     if options.holdout and not options.train:
         raise ParameterError("--holdout parts the training data: give them with --train")
-    own = {
-        "--weights": options.weights, "--model": options.model != "default", "--true-camera": options.true_camera,
-        "--cells-csv": options.cells_csv,
-    }  # fmt: skip
-    for name in (name for name, value in own.items() if value and not options.test):
-        raise ParameterError(f"{name} without test folders: --holdout fits all anew; leave it out", name=name)
+    for what, given, flags in (
+        ("test folders", options.test, "--weights --model --true-camera --cells-csv"),
+        ("--train", options.train, "--paper-epochs"), ("--holdout", options.holdout, "--seed"),
+    ):  # fmt: skip
+        if not given:
+            refuse_unused(_parser(), options, flags, f"no {what}", "nothing reads it; leave it out")
     if options.csv and options.cells_csv and os.path.abspath(options.csv) == os.path.abspath(options.cells_csv):
         raise ParameterError(f"--csv and --cells-csv are both {options.csv}: give them two names", name="csv")
 

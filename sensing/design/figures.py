@@ -189,7 +189,7 @@ def _made(study: Study, prints: Prints) -> list[Figure]:
 def blind_direction(study: Study) -> str:
     """The direction of the wrench that the dots determine least, in words."""
     worst = max(study.bounds, key=lambda bound: bound.force_n / bound.normal_n)
-    direction = worst.weakest()
+    direction = worst.weakest(study.params.outer_radius_mm)
     axes = ("fx", "fy", "fz", "tx", "ty", "tz")
     parts = sorted(zip(np.abs(direction), direction, axes, strict=True), reverse=True)[:2]
     text = " and ".join(f"{value:+.2f} {axis}" for _, value, axis in parts)

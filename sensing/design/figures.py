@@ -126,6 +126,9 @@ def _dots(study: Study) -> list[Figure]:
 
 def _errors(study: Study) -> list[Figure]:
     share = 100 * expected_share(study.params.diameter_mm)
+    why = f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)"
+    if study.error_n == study.bound_n:
+        why = f"the bound, more than {share:.2g} % of the range: so few dots show no more"
     lines = [
         Figure(
             f"bound_{tilt:g}_n", f"bound on the force error at {tilt:g} degrees",
@@ -146,8 +149,7 @@ def _errors(study: Study) -> list[Figure]:
             "torque's bound over the force",
         ),
         Figure(
-            "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
-            f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
+            "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED, why,
         ),
     ]  # fmt: skip
 

@@ -191,6 +191,13 @@ def test_the_bound_is_below_what_weights_reach_and_falls_with_the_noise(monkeypa
     assert RELEASED.bound.at(25.0, 17.0).sigma == pytest.approx(2 * before)
 
 
+@pytest.mark.parametrize(("rings", "said"), [("1-3-3", "the bound, more than"), ("1-5-9-12", "1.3 % of the range")])
+def test_the_expected_error_says_what_it_is(rings, said):
+    """Of very few dots it is the bound, and the note named a part of the range that it was not."""
+    lines = {line.key: line for line in figures(Study(EndcapParams(99, 6.5, parse_rings(rings), 4.0)))}
+    assert lines["error_n"].note.startswith(said)
+
+
 def test_the_front_holds_what_nothing_beats():
     def place(range_n: float, bound_n: float, mass_g: float) -> Place:
         return Place(130, 8, "Smooth-Sil 950", range_n, range_n, "", 1.0, bound_n, mass_g, 1.0, 0.1)

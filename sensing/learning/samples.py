@@ -233,7 +233,7 @@ def _tracked(
             if method == "dots":
                 worker = input_as_live(item.reference, shape, design, camera, radial, doubts)
             else:
-                worker = field_method(method, item.reference, shape)
+                worker = field_method(method, item.reference, shape, design)
         field = worker.update(item.frame)
         fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)

@@ -233,7 +233,7 @@ class EndcapPipeline:
             _ = method.tracker.wide  # built now, not when dots are first lost
             self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator, zero)
             return method
-        return field_method(self.model.method, zero.frame(), self.model.shape)
+        return field_method(self.model.method, zero.frame(), self.model.shape, self.endcap.params)
 
     def _anew(self, reference: Reference) -> Reference:
         """The reference with a method without history; a tracker is reused, as building one takes a second."""

@@ -114,19 +114,18 @@ def evaluate(
     assert live is not None
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=live.shape) if train else None
-    comparisons = {} if training is None else fitted(training, network, paper_epochs)
+    comparisons = {} if training is None else fitted(training, None, paper_epochs)
+    made_for = LabelledSet(tests[0]).identity if network is None else network.identity
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
     for folder, name in zip(tests, _names(tests), strict=True):
-        fix = "make test frames of the endcap that the weights are for"
-        made_for = None if network is None else network.identity
+        fix = "make test frames of the endcap that the model is for"
         require_same(folder, "test frames", LabelledSet(folder).identity, made_for, fix, MUST_AGREE)
         test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=live.radial)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
         tables |= {f"{who}, {name}": cells(given, live.load_scale) for who, given in ours.items()}
-        answers: dict[str, Answer] = {who: _answer(given) for who, given in ours.items()}
-        answers |= {who: answer for who, answer in comparisons.items() if who != "ours"}
+        answers = {who: _answer(given) for who, given in ours.items()} | comparisons
         found |= _scores(answers, test, name, live.load_scale)
         found |= _filtered(ours["ours"], test.dots, live.load_scale, name)
     return found, tables

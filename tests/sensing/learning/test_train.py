@@ -167,6 +167,13 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
     assert float(rows["ours, test"]["rest_n"]) < 0.3
 
 
+def test_a_plug_in_is_not_judged_on_frames_of_another_endcap(folders, tmp_path):
+    """It was made for the first folder's, and answered for all."""
+    other = write_set(tmp_path / "other", 1, 5, diameter=140.0)
+    with pytest.raises(FileError, match="test frames for the design D140_T8"):
+        evaluate.evaluate([folders[1], other], model=stand_in())
+
+
 def test_the_filter_is_judged_with_the_answers_and_covariances_of_live(folders, monkeypatch):
     """It took the network's own, without what live adds for camera, noise and simulation; a plug-in's had no row."""
     plain = evaluate.evaluate([folders[1]], model=stand_in())[0]

@@ -185,7 +185,7 @@ def test_training_on_a_soft_or_thick_dome_is_that_of_the_released_one_in_other_n
         assert rmse[1] == pytest.approx(rmse[0] * factor, rel=1e-2)
 
 
-def test_fine_tuned_weights_still_flag_the_bodies_that_those_before_could_not_tell(data):
+def test_fine_tuned_weights_flag_the_bodies_that_those_before_flagged(data):
     """Fine-tuning on a few recorded paths lost the limit of intervals, and with it that flag, without a word."""
     few = replace(QUICK, epochs=4)
     taught = fit(data, few, others=made_samples(seed=3))

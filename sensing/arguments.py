@@ -11,7 +11,7 @@ from cad.options import chosen
 from cad.plain_numbers import brief, stored_number, whole_number
 
 # number, too: an option of a design is of that type
-__all__ = ["number", "pair", "port", "scientific", "silicone_name", "whole"]
+__all__ = ["number", "pair", "port", "refuse_unused", "scientific", "silicone_name", "whole"]
 MOST_PORT = 65535
 
 
@@ -81,3 +81,24 @@ def pair(text: str) -> tuple[int, int]:
     if min(first, second) < 1:
         raise argparse.ArgumentTypeError(f"{brief(text)} is not two whole numbers over zero: write it like 30x30")
     return first, second
+
+
+def refuse_unused(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, flags: str, what: str, reason: str
+) -> None:
+    """Refuse the first of some options that was given and would do nothing.
+
+    Args:
+        parser: that read the options; what differs from its defaults was given.
+        options: all of them.
+        flags: those that would do nothing, as a user types them, with spaces between.
+        what: beside what they do nothing.
+        reason: why, and what to do.
+
+    Raises:
+        ParameterError: one was given.
+    """
+    for flag in flags.split():
+        name = flag.strip("-").replace("-", "_").lower()
+        if getattr(options, name) != parser.get_default(name):
+            raise ParameterError(f"{what} with {flag}: {reason}", name=flag)

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cad.design_arguments import add_design_arguments, agreed_design, design_of
-from cad.errors import EndcapError
+from cad.errors import EndcapError, ParameterError
 from cad.extras import program
 from cad.identity import identity, require_same
 from cad.messages import LOG, show
 from cad.params import EndcapParams
 from cad.whole_file import require_place
-from sensing.arguments import number, pair
+from sensing.arguments import number, pair, refuse_unused
 from sensing.calibration.dots import CalibrationError, find_blobs, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, calibrate_from_board, find_board, read_views, require_board
 from sensing.calibration.from_dots import Calibration, calibrate_from_dots
@@ -43,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
+        _require_used(options)
         for name in filter(None, (options.out, options.picture)):
             require_place(Path(name))
         if options.picture:
@@ -88,6 +89,25 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", required=True, help="camera.json to write")
     parser.add_argument("--picture", help="photo with the fit drawn in")
     return parser
+
+
+def _require_used(options: argparse.Namespace) -> None:
+    """Refuse options that would do nothing."""
+    parser, board = _parser(), options.board
+    if not board:
+        flags, what = "--corners --square --size", "--photo" if options.photo else "--zero"
+        refuse_unused(parser, options, flags, what, "it is of --board; leave it out")
+        return
+    design = "--dots --diameter --wall --dot-rings --dot-mm --lens --azimuth-hint --trust-design --picture"
+    refuse_unused(parser, options, design, "--board", "it is of --photo and --zero; leave it out")
+    if len(board) > 1 and any(_is_csv(name) for name in board):
+        raise ParameterError("--board with a CSV among others: one holds all views, by its column view", name="board")
+    flags, what = ("--corners --square", "CSV") if _is_csv(board[0]) else ("--size", "photos")
+    refuse_unused(parser, options, flags, f"--board and {what}", "nothing reads it; leave it out")
+
+
+def _is_csv(name: str) -> bool:
+    return name.lower().endswith(".csv")
 
 
 def _from_dots(options: argparse.Namespace) -> int:
@@ -168,7 +188,7 @@ def _rest_picture(options: argparse.Namespace) -> tuple[NDArray[np.uint8], Endca
 
 
 def _from_board(options: argparse.Namespace) -> int:
-    if options.board[0].endswith(".csv"):
+    if _is_csv(options.board[0]):
         size, views = options.size, read_views(options.board[0])
     else:
         size, views = _photographed(options.board, options.corners, options.square)

@@ -33,7 +33,7 @@ from cad.extras import program
 from cad.identity import MUST_AGREE, require_same
 from cad.messages import LOG, show
 from cad.whole_file import replace_file, require_place
-from sensing.arguments import whole
+from sensing.arguments import refuse_unused, whole
 from sensing.evaluation.cells import Cell, cell_tables, cells, cells_csv
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.contenders import Answer, Views, fitted, held_out, read_views
@@ -114,21 +114,20 @@ def evaluate(
     assert live is not None
     released = bool(train) and paper_epochs > 0
     training = read_views(train, released, markers=True, shape=live.shape) if train else None
-    comparisons = {} if training is None else fitted(training, network, paper_epochs)
+    comparisons = {} if training is None else fitted(training, None, paper_epochs)
+    made_for = LabelledSet(tests[0]).identity if network is None else network.identity
     found: dict[str, Score] = {}
     tables: dict[str, list[Cell]] = {}
     for folder, name in zip(tests, _names(tests), strict=True):
-        fix = "make test frames of the endcap that the weights are for"
-        made_for = None if network is None else network.identity
+        fix = "make test frames of the endcap that the model is for"
         require_same(folder, "test frames", LabelledSet(folder).identity, made_for, fix, MUST_AGREE)
         test = read_views([Path(folder)], released, markers=False, shape=live.shape, radial=live.radial)
         _refuse_leaks(network, None if training is None else training.dots, test.dots)
         ours = _through_live(LabelledSet(folder), live, true_camera)
         tables |= {f"{who}, {name}": cells(given, live.load_scale) for who, given in ours.items()}
-        answers: dict[str, Answer] = {who: _answer(given) for who, given in ours.items()}
-        answers |= {who: answer for who, answer in comparisons.items() if who != "ours"}
+        answers = {who: _answer(given) for who, given in ours.items()} | comparisons
         found |= _scores(answers, test, name, live.load_scale)
-        found |= {} if network is None else _filtered(network, test, LabelledSet(folder), name)
+        found |= _filtered(ours["ours"], test.dots, live.load_scale, name)
     return found, tables
 
 
@@ -147,13 +146,13 @@ def _names(tests: Sequence[Path | str]) -> list[str]:
     return ["/".join(own[-count:]) for own in parts]
 
 
-def _filtered(network: WrenchModel, test: Views, data: LabelledSet, name: str) -> dict[str, Score]:
-    """Filtered wrenches of moving contacts; between states at rest no time passes, and other fields are not kept."""
-    if network.method != "dots" or not (np.isin(test.dots.phase, MOVING).any() and data.column("latency_s").any()):
+def _filtered(given: LiveAnswers, test: Samples, load_scale: float, name: str) -> dict[str, Score]:
+    """Filtered wrenches of moving contacts; between states at rest no time passes."""
+    if not (np.isin(test.phase, MOVING).any() and LabelledSet(test.sources[0]).column("latency_s").any()):
         return {}
     cases = (("filter", 0.0, True), (LATE, LATENCY_S, True), (HELD, LATENCY_S, False))
     return {
-        f"ours + {case}, {name}": filtered_score(network, test.dots, latency, predict=predict)
+        f"ours + {case}, {name}": filtered_score(given.value, given.covariance, test, load_scale, latency, predict)
         for case, latency, predict in cases
     }
 
@@ -233,12 +232,12 @@ def _require_used(options: argparse.Namespace) -> None:
         raise ParameterError("nothing to test on: give folders of test frames, or --train and --holdout")
     if options.holdout and not options.train:
         raise ParameterError("--holdout parts the training data: give them with --train")
-    own = {
-        "--weights": options.weights, "--model": options.model != "default", "--true-camera": options.true_camera,
-        "--cells-csv": options.cells_csv,
-    }  # fmt: skip
-    for name in (name for name, value in own.items() if value and not options.test):
-        raise ParameterError(f"{name} without test folders: --holdout fits all anew; leave it out", name=name)
+    for what, given, flags in (
+        ("test folders", options.test, "--weights --model --true-camera --cells-csv"),
+        ("--train", options.train, "--paper-epochs"), ("--holdout", options.holdout, "--seed"),
+    ):  # fmt: skip
+        if not given:
+            refuse_unused(_parser(), options, flags, f"no {what}", "nothing reads it; leave it out")
     if options.csv and options.cells_csv and os.path.abspath(options.csv) == os.path.abspath(options.cells_csv):
         raise ParameterError(f"--csv and --cells-csv are both {options.csv}: give them two names", name="csv")
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from cad.identity import MUST_AGREE, require_same
 from cad.materials import DEFAULT_SILICONE
 from cad.messages import LOG, show, transient
 from cad.whole_file import make_folder, replace_file, require_place
-from sensing.arguments import number, scientific, silicone_name, whole
+from sensing.arguments import number, refuse_unused, scientific, silicone_name, whole
 from sensing.learning.contenders import read_all
 from sensing.learning.fit_config import FitConfig
 from sensing.learning.radial import radial_tensors
@@ -60,7 +60,7 @@ def _run(options: argparse.Namespace) -> int:
     rescale = bool(options.start and options.intervals)
     if options.design is not None or not (options.data or rescale):
         return _design(options, config)
-    _refuse_design_options(options)
+    _refuse_ignored(options)
     if options.out is None:
         raise ParameterError("--out is missing: name the file of the weights", name="out")
     _require_out(options.out)
@@ -72,6 +72,7 @@ def _run(options: argparse.Namespace) -> int:
 def _trained(options: argparse.Namespace, config: FitConfig) -> int:
     """Weights from folders of labelled frames."""
     from sensing.learning.fitting import fit  # torch takes seconds to load: bad options are refused before
+    from sensing.learning.net import sized_as
     from sensing.wrench.model import load_wrench_model
     from sensing.wrench.tensors import radial_of
 
@@ -81,6 +82,7 @@ def _trained(options: argparse.Namespace, config: FitConfig) -> int:
         given = None if str(options.start) == DEFAULT else options.start
         design = LabelledSet(options.data[0]).params
         start = load_wrench_model(design, given, silicone=None)  # fine-tuning fits another stiffness
+        config = sized_as(start, config)
     radial = None if start is None else start.radial
     learnt = radial_tensors(options.data, shape) if radial is None else {}
     samples, pictures, others = _read(options, shape, radial_of(learnt) if radial is None else radial)
@@ -187,31 +189,20 @@ def _require_design(options: argparse.Namespace) -> None:
             "or --start and --intervals to scale intervals alone",
             name="data",
         )
-    taken = {
-        "data": options.data,
-        "--start": options.start,
-        "--intervals": options.intervals,
-        "--method dots": options.method != MARKERS,
-        "--others": options.others,
-        "--cells": options.cells != SHAPE[0],
-    }
-    _refuse_beside("--design", taken, "its states come from the library; give one or the other")
+    taken = "DATA --start --intervals --tilt-to --method --others --cells"
+    refuse_unused(_parser(), options, taken, "--design", "its states come from the library; give one or the other")
 
 
-def _refuse_design_options(options: argparse.Namespace) -> None:
-    """Refuse options of a design where the folders record it."""
-    taken = {
-        "--dot-rings": options.dot_rings, "--dot-mm": options.dot_mm, "--copy-to": options.copy_to,
-        "--silicone": options.silicone != DEFAULT_SILICONE, "--unless-there": options.unless_there,
-    }  # fmt: skip
-    _refuse_beside("folders", taken, "it belongs to --design, and folders state their own endcap; leave it out")
-
-
-def _refuse_beside(what: str, given: Mapping[str, object], reason: str) -> None:
-    """Refuse the first option that was given (its value is not false) and would do nothing."""
-    for name, value in given.items():
-        if value:
-            raise ParameterError(f"{what} with {name}: {reason}", name=name)
+def _refuse_ignored(options: argparse.Namespace) -> None:
+    """Refuse options of a design where the folders record it, and those of a training where nothing is trained."""
+    parser, reason = _parser(), "it belongs to --design, and folders state their own endcap; leave it out"
+    refuse_unused(parser, options, "--dot-rings --dot-mm --copy-to --silicone --unless-there", "folders", reason)
+    if not options.data:
+        reason = "nothing is trained; give folders, too, or leave it out"
+        trained = "--others --method --cells --components --hidden --depth --epochs --rate --seconds --seed --device"
+        refuse_unused(parser, options, trained, "--intervals without DATA", reason)
+    if not options.intervals:
+        refuse_unused(parser, options, "--tilt-to", "no --intervals", "it chooses among their contacts; leave it out")
 
 
 def _copied(weights: Path, folder: Path | None) -> int:
@@ -237,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_data(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("data", type=Path, nargs="*", metavar="DATA", help="folders of labelled frames")
+    parser.add_argument("data", type=Path, nargs="*", default=[], metavar="DATA", help="folders of labelled frames")
     parser.add_argument(
         "--out", type=Path, metavar="FILE",
         help="weights.safetensors to write; with --design by default where live finds it",

@@ -54,12 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="wrench.onnx to write")
     options = parser.parse_args(arguments)
     try:
-        data = onnx_graph(load_wrench_model(path=options.weights), options.storage).SerializeToString()
+        model = load_wrench_model(path=options.weights)
+        data = onnx_graph(model, options.storage).SerializeToString()
         replace_file(options.out, data)
     except EndcapError as error:
         LOG.error(f"sensing.wrench_onnx: {error}")
         return 2
-    show(f"{options.out}: {len(data) / 1000:.0f} kB, matrices in {options.storage}")
+    show(f"{options.out}: network of {model.design.label}, {len(data) / 1000:.0f} kB, matrices in {options.storage}")
     return 0
 
 

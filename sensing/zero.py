@@ -148,18 +148,16 @@ def _watch(options: argparse.Namespace) -> None:
     with open_frames(options.source) as frames:
         for frame in frames:
             try:
-                tracks = tracker.update(frame)
-                drift = measure_drift(auto.zero, frame, tracks)
+                renewed = auto.update(frame, tracker.update(frame))
             except FrameError as error:  # of hours of pictures one may be cut
                 auto.begin_anew()
                 if before != DAMAGED:
                     show(f"{frame.time_s:.2f} s  {error}: passed over")
                     before = DAMAGED
                 continue
-            if drift.cause != before:
-                show(f"{frame.time_s:.2f} s  {_said(drift)}")
-                before = drift.cause
-            renewed = auto.update(frame, tracks)
+            if auto.drift is not None and auto.drift.cause != before:
+                show(f"{frame.time_s:.2f} s  {_said(auto.drift)}")
+                before = auto.drift.cause
             if renewed is not None:
                 save_zero(renewed, options.zero)
                 tracker = DotTracker(renewed.frame(), params=renewed.params)

@@ -17,23 +17,27 @@ DOTS = len(dot_pattern(EndcapParams(130, 8)))
 PHASES = ["approach", "touch", "load", "circle", "unload", "clear", "drag", "impact", "stand", "airborne"]
 
 
-def write_set(folder, paths, seed, diameter=130.0):
-    """A labelled set whose pictures shift with the force and spread with the push."""
+def write_set(folder, paths, seed, diameter=130.0, specks=()):
+    """A labelled set whose pictures shift with the force and spread with the push; specks on the lens stand still."""
+
+    def coded(picture):
+        for place in specks:
+            cv2.circle(picture, place, 7, (50, 55, 70), -1, cv2.LINE_AA)
+        return cv2.imencode(".jpg", picture)[1]
+
     (folder / "shards").mkdir(parents=True)
     request = {"diameter_mm": diameter, "wall_mm": 8.0, "protocol": "static", "seed": seed}
     (folder / "manifest.json").write_text(json.dumps({"format": 2, "phases": PHASES, "request": request}))
     rng = np.random.default_rng(seed)
     image = draw_dots(Drawing())[0]
-    reference = cv2.imencode(".jpg", image)[1]
+    reference = coded(image.copy())
     for path in range(paths):
         end = rng.uniform(-1, 1, 3) * [6, 6, 8] - [0, 0, 10]
         forces = np.linspace(0, 1, 4)[:, None] * end
         pictures = []
         for f in forces:
             bump = Bump((320.0, 240.0), (0.8 * f[0], 0.8 * f[1]), 90.0)
-            pictures.append(
-                cv2.imencode(".jpg", warp_image(image, Displacement((0.0, 0.0), -0.004 * f[2], bumps=(bump,))))[1]
-            )
+            pictures.append(coded(warp_image(image, Displacement((0.0, 0.0), -0.004 * f[2], bumps=(bump,)))))
         n = len(forces)
         rows = {name: np.zeros(n) for name in COLUMNS}
         rows |= {

@@ -28,6 +28,7 @@ WHOLE_PX = 14.0  # a dot whose centre is this far from the picture's edge, at 48
 REFERENCE_HEIGHT_PX = 480  # blob sizes below are for a dot of 14 px at this image height
 BLUR_PX = 1.0  # standard deviation of the smoothing before the search, at 480 rows
 BACKGROUND_PX = 37  # odd window of the median that removes dots: over twice a dot, under the dot spacing
+MOST_WINDOW_PX = 255  # of OpenCV's median, which counts pixels in 16 bits: beyond it is wrong, then it raises an error
 MIN_CONTRAST = 0.22  # relative to the silicone around it; ink measures 0.35 to 0.8, stains and seams under 0.15
 AREA_PX = (35.0, 520.0)  # of a blob at 480 rows that may be a dot
 FEWEST_TO_FIT = 7  # dots: 14 coordinates for the 11 parameters of a camera
@@ -70,7 +71,7 @@ def find_blobs(image_bgr: NDArray[np.uint8], params: EndcapParams | None = None)
     gray = cv2.GaussianBlur(gray, (0, 0), BLUR_PX * scale)
     size = scale * dot_look(params).scale
     window = round(BACKGROUND_PX * size / 2) * 2 + 1
-    background = cv2.medianBlur(np.clip(gray, 0, 255).astype(np.uint8), window).astype(np.float32)
+    background = _median(np.clip(gray, 0, 255).astype(np.uint8), window).astype(np.float32)
     contrast = (background - gray) / np.maximum(background, 25)
     count, labels, stats, _ = cv2.connectedComponentsWithStats((contrast > MIN_CONTRAST).astype(np.uint8))
     area = stats[:, cv2.CC_STAT_AREA] / size**2
@@ -84,6 +85,16 @@ def find_blobs(image_bgr: NDArray[np.uint8], params: EndcapParams | None = None)
     whole = (left > 0) & (top > 0) & (left + width < labels.shape[1]) & (top + height < labels.shape[0])
     keep = (area > AREA_PX[0]) & (area < AREA_PX[1]) & whole  # a dot cut by the frame has its centre elsewhere
     return centres[keep], np.sqrt(area[keep] / np.pi) * size
+
+
+def _median(gray: NDArray[np.uint8], window: int) -> NDArray[np.uint8]:
+    """Median over a window of an odd side in px; over larger ones than OpenCV counts, that of a reduced picture."""
+    if window <= MOST_WINDOW_PX:
+        return cv2.medianBlur(gray, window).astype(np.uint8)
+    factor = math.ceil(window / MOST_WINDOW_PX)
+    height, width = gray.shape
+    small = cv2.resize(gray, (width // factor, height // factor), interpolation=cv2.INTER_AREA)
+    return cv2.resize(cv2.medianBlur(small, window // factor | 1), (width, height)).astype(np.uint8)
 
 
 def read_dots(path: str | Path) -> Array:

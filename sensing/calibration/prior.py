@@ -76,7 +76,7 @@ class Hypothesis:
     exact: bool = False
 
 
-FOCAL_SHARE = 0.009  # M: 243.5 to 248.0 px on four photos of released sensors
+FOCAL_SHARE = 0.009  # E: wider than four photos of released sensors, 245.7 to 248.4 px (docs/optics.md)
 OTHER_LENS = MountPrior(height_mm=1.5, focal_share=0.1)
 SAME_LENS = MountPrior(k=(0.004, 0.002), height_mm=0.7, focal_share=FOCAL_SHARE)
 HYPOTHESES = (

@@ -3,7 +3,7 @@
     rest = rest_camera(reference, tracker.reference_px, params)
     seen = ModelInput(tracker, shape, params, rest.camera, radial)        # camera None: it sits as the design has it
 
-Live and the training on recordings take the camera from here. A camera that fits the picture is left alone. One that
+Live and the training on pictures take camera and dots from here. A camera that fits the picture is left alone. One that
 does not is replaced by the one that ``python -m sensing.calibrate`` finds on the same picture, unless that is in doubt:
 a diameter that fits clearly better, or dots that lie too far from where the found camera sees them, as those of a
 pressed dome do. A calibration file is never overruled.
@@ -13,12 +13,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cad.params import EndcapParams
 from cad.pattern import RELEASED_DOT_MM
 from sensing.calibration.dots import CalibrationError, find_blobs
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.misfit import Misfit, camera_misfit
 from sensing.calibration.other_design import OtherDesignError, design_fit, require_design
+from sensing.calibration.rest_picture import pattern_dots
 from sensing.camera.dot_look import dot_look
 from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
@@ -57,6 +61,19 @@ class RestCamera:
         if not (self.misfit.fits or self.found):
             return None
         return self.camera or nominal_mount(params, *size_px)
+
+    def design_dots(self, dots_px: Array, params: EndcapParams, size_px: tuple[int, int]) -> NDArray[np.intp]:
+        """Ascending numbers of the dots to follow: the design's where the camera is known, else all that look like one.
+
+        A speck on the lens keeps its place when the skin moves, and would hold the field back.
+
+        Args:
+            dots_px: (n, 2) found in the picture.
+            params: the endcap.
+            size_px: width and height of the picture.
+        """
+        camera = self.known(params, size_px) if len(dots_px) > 1 else None
+        return np.arange(len(dots_px)) if camera is None else pattern_dots(dots_px, params, camera)
 
 
 def most_misplaced_px(params: EndcapParams) -> float:

@@ -1,7 +1,7 @@
 """The nominal camera of designs and simulation, and start of calibrations: the lens of :mod:`cad.lens`, as designed.
 
 Released lens (M, at an assumed pupil height of 17 mm, E): the mean of four photos fitted by ``sensing.calibrate`` is
-f = 247 px at 480 rows (244 to 248), k1 = -0.033, k2 = -0.007, close to the equisolid r = 2 sin(theta / 2). Focal length
+f = 247 px at 480 rows (246 to 248), k1 = -0.033, k2 = -0.007, close to the equisolid r = 2 sin(theta / 2). Focal length
 and pupil height go together (-3.1 to -3.2 px per mm): with another height, another focal length gives the same picture.
 """
 

@@ -28,6 +28,7 @@ from sensing.simulator.similarity.ratios import LoadScale, ShellRatios, wrench_u
 from sensing.simulator.similarity.surface_modes import modes_at
 from sensing.simulator.solid.element import Array
 from sensing.simulator.solid.geometry import ShellGeometry
+from sensing.wrench.load_scale import RELEASED_RADIUS_MM
 
 Mask = NDArray[np.bool_]
 NEAR_TILT_DEG, NEAR_SHARE = 9.0, 0.5  # E: widths of the fit: tilt, degrees, and part of the load
@@ -69,9 +70,13 @@ class Bound:
         """Root mean square displacement of the dots over the load, px/N."""
         return self.moved_px / self.normal_n
 
-    def weakest(self) -> Array:
-        """(6,) direction of the wrench with the largest error, torques in N m times 7.5 (0.15 N weighs as 0.02 N m)."""
-        weight = np.diag([1.0, 1.0, 1.0, 7.5, 7.5, 7.5])
+    def weakest(self, radius_mm: float) -> Array:
+        """(6,) direction of the wrench with the largest error; 0.15 N weigh as much as 0.02 N m at D=130.
+
+        Args:
+            radius_mm: outer radius, with which torques grow.
+        """
+        weight = np.diag(np.repeat([1.0, 7.5 * RELEASED_RADIUS_MM / radius_mm], 3))
         return np.linalg.eigh(weight @ self.covariance @ weight)[1][:, -1]
 
 

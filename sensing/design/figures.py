@@ -126,6 +126,9 @@ def _dots(study: Study) -> list[Figure]:
 
 def _errors(study: Study) -> list[Figure]:
     share = 100 * expected_share(study.params.diameter_mm)
+    why = f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)"
+    if study.error_n == study.bound_n:
+        why = f"the bound, more than {share:.2g} % of the range: so few dots show no more"
     lines = [
         Figure(
             f"bound_{tilt:g}_n", f"bound on the force error at {tilt:g} degrees",
@@ -146,8 +149,7 @@ def _errors(study: Study) -> list[Figure]:
             "torque's bound over the force",
         ),
         Figure(
-            "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED,
-            f"{share:.2g} % of the range: held-out error, and what pictures add (docs/design.md)",
+            "error_n", "force error expected of trained weights", study.error_n, "N", Source.ESTIMATED, why,
         ),
     ]  # fmt: skip
 
@@ -189,7 +191,7 @@ def _made(study: Study, prints: Prints) -> list[Figure]:
 def blind_direction(study: Study) -> str:
     """The direction of the wrench that the dots determine least, in words."""
     worst = max(study.bounds, key=lambda bound: bound.force_n / bound.normal_n)
-    direction = worst.weakest()
+    direction = worst.weakest(study.params.outer_radius_mm)
     axes = ("fx", "fy", "fz", "tx", "ty", "tz")
     parts = sorted(zip(np.abs(direction), direction, axes, strict=True), reverse=True)[:2]
     text = " and ".join(f"{value:+.2f} {axis}" for _, value, axis in parts)

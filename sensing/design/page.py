@@ -10,9 +10,11 @@ from cad.design_arguments import design_words
 from cad.lens import camera_module, camera_setting
 from cad.materials import DEFAULT_SILICONE, silicones
 from cad.plain_numbers import plain
+from cad.silicone_kits import silicone_usd_kg
 from sensing.design.figures import Figure, blind_direction
 from sensing.design.plots import bound_bars, dots_picture, load_curves, map_panels
 from sensing.design.pressed import Study
+from sensing.design.prints import PLA_USD_KG
 from sensing.design.region import Choice, Place
 from sensing.interpreter import typed_command
 from sensing.wrench.weight_files import are_for, command_for, find_weights
@@ -91,11 +93,12 @@ def map_page(places: Sequence[Place], choices: Sequence[Choice], question: str) 
         for name in silicones()
         if any(place.silicone == name for place in places)
     )
+    prices = [f"{silicone_usd_kg(name):.0f}" for name in sorted(silicones(), key=silicone_usd_kg)]
     note = (
         "<p>Range, stiffness, bound and mass are computed (library of solved states, closed forms), cost is estimated "
-        "(silicone at 40 dollars a kg for every kind, PLA of our mold at 20, with R squared). All but mass and cost go "
-        "with the shear modulus, so the maps of two silicones differ by a factor. The bound, and with it the error, is "
-        f"that of the camera module {escape(camera_module().name)}.</p>"
+        f"(silicones at {prices[0]} to {prices[-1]} dollars a kg, each in its smallest kit, PLA of our mold at "
+        f"{PLA_USD_KG:.0f}, with R squared). All but mass and cost go with the shear modulus, so the maps of two "
+        f"silicones differ by a factor. The bound is that of the camera module {escape(camera_module().name)}.</p>"
     )
     return _page("Designs that can be made, and what each will feel", answer + note + panels)
 

@@ -39,11 +39,10 @@ def bound_bars(study: Study) -> str:
     sigma = np.array([bound.sigma for bound in study.bounds]).reshape(len(TILTS_DEG), len(PARTS), 6)
     for k, (axis, unit) in enumerate(zip(axes, ("N", "N m"), strict=True)):
         for j in range(3):
-            for p, part in enumerate(PARTS):
+            for p in range(len(PARTS)):
                 x = np.arange(len(TILTS_DEG)) + 0.27 * (j - 1) + 0.08 * (p - 1)
                 axis.bar(x, sigma[:, p, 3 * k + j], 0.07, color=f"C{j}", alpha=0.4 + 0.3 * p,
                          label=AXES[3 * k + j] if p == 1 else None)  # fmt: skip
-                _ = part
         axis.set_xticks(range(len(TILTS_DEG)), [f"{tilt:g}°" for tilt in TILTS_DEG])
         axis.set(xlabel="tilt", ylabel=f"bound (1 sigma), {unit}")
         axis.legend(ncols=3)
@@ -89,7 +88,7 @@ def map_panels(places: Sequence[Place], silicone: str) -> str:
         axis.set_ylim(y.min(), y.max())
         best = np.array([place.pareto for place in own])
         axis.scatter(x[best], y[best], s=6, color="r", zorder=4)
-    figure.suptitle(f"{silicone} (red: Pareto front of range, error, mass over all silicones)", size=10)
+    figure.suptitle(f"{silicone} (red: Pareto front of range, bound in % of it, mass, over all silicones)", size=10)
     return _png(figure)
 
 

@@ -15,7 +15,7 @@ from cad.plain_numbers import plain
 SLICES = Path("slice", "slice.json")  # beside the study; make slice writes it
 SECOND_FORM = "interface_gyroid"  # one of the two forms of the interface, of which only one is printed
 MOLD_RADIUS_MM, MOLD_GRAMS = 65.0, 514.0  # M at D=130 T=8 by make slice; E: mass in proportion to R^2
-MOLD_START_H, PLA_GRAMS_H = 3.1, 20.3  # E: within 4 % of nine sliced sizes; an Ender-3 takes 6 % longer
+MOLD_START_H, PLA_GRAMS_H = 3.1, 20.3  # E: within 5 % of nine sliced sizes; an Ender-3 takes 6 % longer
 PLA_USD_KG = 20.0  # E: of a spool of one kilogram
 INTERFACE_GRAMS, INTERFACE_H = 23.8, 3.02  # M at D=130 T=8 (bench/slice.csv, "infill"); E: in proportion to R
 TPU_USD_KG = 35.0  # E

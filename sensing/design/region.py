@@ -1,6 +1,6 @@
 """The whole region of designs that can be made: figures over (D, T), the Pareto front, and the inverse question.
 
-All figures but mass and cost scale with the shear modulus, so one silicone is computed and the others are scaled.
+The bound takes nearly all of the time and goes with the shear modulus: it is computed in one silicone and scaled.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cad.errors import ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
-from cad.materials import DEFAULT_SILICONE, silicone, silicones
+from cad.materials import silicones
 from cad.params import EndcapParams
 from cad.silicone_kits import silicone_usd_kg
 from sensing.design.pressed import Study, expected_share
@@ -40,7 +40,7 @@ class Place:
         mass_g: mass of the silicone, g.
         cost_usd: cost of silicone, by the gram of its smallest kit, and mold (estimated), USD.
         sag_mm: motion of a dot by the skin's own weight where the endcap is turned from tip up onto its side, mm.
-        pareto: whether no other place has more range, less error in percent of it and less mass.
+        pareto: whether no other place has more range, a smaller bound in percent of it and less mass.
     """
 
     diameter_mm: float
@@ -72,7 +72,7 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
 
     Args:
         study: study of one design.
-        bound_n: force bound, N; None computes it (seconds).
+        bound_n: force bound, N; None computes it.
     """
     safe_n, limit = study.safe
     params = study.params
@@ -84,23 +84,15 @@ def place_of(study: Study, bound_n: float | None = None) -> Place:
     )  # fmt: skip
 
 
-def in_silicone(place: Place, name: str) -> Place:
-    """The same shell in another silicone: loads, stiffness and errors go with mu, mass with the density, sag with both.
+def in_every_silicone(params: EndcapParams, bound_mm2: float) -> list[Place]:
+    """The places of a shell.
 
     Args:
-        place: place in a silicone without a strain limit.
-        name: row of cad/materials.csv.
+        params: design.
+        bound_mm2: its force bound over the shear modulus, N/MPa, which all silicones share.
     """
-    before, after = silicone(place.silicone), silicone(name)
-    stiffer = after.neo_hooke().shear_mpa / before.neo_hooke().shear_mpa
-    mass = place.mass_g * after.density_g_cm3 / before.density_g_cm3
-    dearer_usd = (silicone_usd_kg(name) * mass - silicone_usd_kg(place.silicone) * place.mass_g) / 1000
-    return replace(
-        place, silicone=name, range_n=place.range_n * stiffer, safe_n=place.safe_n * stiffer,
-        stiffness_n_mm=place.stiffness_n_mm * stiffer, bound_n=place.bound_n * stiffer, mass_g=mass,
-        cost_usd=place.cost_usd + dearer_usd,
-        sag_mm=place.sag_mm * mass / place.mass_g / stiffer, pareto=False,
-    )  # fmt: skip
+    studies = [Study(params, name) for name in silicones()]
+    return [place_of(study, bound_mm2 * study.shear_mpa) for study in studies]
 
 
 def grid(diameters: int = DIAMETERS, walls: int = WALLS) -> list[tuple[float, float]]:
@@ -131,15 +123,15 @@ def survey(designs: Sequence[tuple[float, float]], progress: Progress | None = N
     """
     found: list[Place] = []
     for count, (diameter, wall) in enumerate(designs, 1):
-        place = place_of(Study(EndcapParams(diameter, wall), DEFAULT_SILICONE))
-        found += [in_silicone(place, name) for name in silicones()]
+        usual = Study(EndcapParams(diameter, wall))
+        found += in_every_silicone(usual.params, usual.bound_n / usual.shear_mpa)
         if progress is not None:
             progress(count, len(designs))
     return [replace(place, pareto=bool(best)) for place, best in zip(found, pareto(found), strict=True)]
 
 
 def pareto(places: Sequence[Place]) -> NDArray[np.bool_]:
-    """(N,) whether no other place is better in range, error in percent of it, and mass at once."""
+    """(N,) whether no other place is better in range, bound in percent of it, and mass at once."""
     goals = np.array([[-p.range_n, p.bound_n / p.range_n, p.mass_g] for p in places])
     beaten = [bool(((goals <= goal).all(axis=1) & (goals < goal).any(axis=1)).any()) for goal in goals]
     return ~np.array(beaten, dtype=bool)
@@ -199,8 +191,8 @@ def require_possible(designs: Sequence[tuple[float, float]], load_n: float, erro
     Raises:
         ParameterError: no design bears the load, or all that do have larger errors even with perfect dots.
     """
-    plain = [place_of(Study(EndcapParams(*design), DEFAULT_SILICONE), 0.0) for design in designs]
-    bears = _bearing([in_silicone(place, name) for place in plain for name in silicones()], load_n, error_n)
+    plain = [place for design in designs for place in in_every_silicone(EndcapParams(*design), 0.0)]
+    bears = _bearing(plain, load_n, error_n)
     best = min(bears, key=lambda place: place.error_n)
     if best.error_n > error_n:
         raise ParameterError(

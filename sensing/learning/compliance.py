@@ -31,12 +31,10 @@ class ComplianceInverse:
     """Places on a grid, each with its linear inverse.
 
     Attributes:
-        directions: (K, 3) outward unit vector at each place.
         basis: (K, 2 H W, 3) orthonormal columns that span the fields of each place.
         inverse: (K, 6, 2 H W) field to wrench about the sphere's centre.
     """
 
-    directions: Array
     basis: Array
     inverse: Array
 
@@ -97,7 +95,7 @@ def _basis_at_tilt(samples: Samples) -> Array:
 
 
 def _on_grid(tilts: Array, fields: Array, design: EndcapParams) -> ComplianceInverse:
-    directions, basis, inverse = [], [], []
+    basis, inverse = [], []
     fine = np.interp(np.arange((len(tilts) - 1) * BETWEEN_TILTS + 1) / BETWEEN_TILTS, np.arange(len(tilts)), tilts)
     lever_m = design.outer_radius_mm / 1000
     for place, tilt in enumerate(fine):
@@ -111,7 +109,6 @@ def _on_grid(tilts: Array, fields: Array, design: EndcapParams) -> ComplianceInv
             local = np.linalg.solve(B.T @ B + (damping + 1e-30) * np.eye(3), B.T)
             force = axes @ (np.array([-1.0, 1.0, 1.0])[:, None] * local)
             torque = np.cross(lever_m * axes[:, 0], force, axisa=0, axisb=0, axisc=0)
-            directions.append(axes[:, 0])
             basis.append(np.linalg.qr(B)[0])
             inverse.append(np.concatenate([force, torque]))
-    return ComplianceInverse(np.array(directions), np.array(basis), np.array(inverse))
+    return ComplianceInverse(np.array(basis), np.array(inverse))

@@ -17,7 +17,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from cad.errors import ParameterError
 from sensing.learning.checkpoint import Checkpoint, Descent
 from sensing.learning.covered_range import covered_range
 from sensing.learning.fit_config import FitConfig
-from sensing.learning.net import Bent, WrenchNet, as_net, negative_log_likelihood
+from sensing.learning.net import Bent, WrenchNet, as_net, negative_log_likelihood, sized_as
 from sensing.learning.path_quantile import path_quantile
 from sensing.learning.principal import leading, pattern_tensor, principal_fields
 from sensing.learning.provenance import provenance
@@ -45,8 +45,6 @@ from sensing.wrench.weight_files import SIMULATED
 Array = NDArray[np.float64]
 Progress = Callable[[str, float, float], None]
 RIDGE_SHARE = 1e-4  # of the mean square principal part: regularisation of the linear map from which training starts
-# E: half width of a 95 % interval above which an answer is flagged, so that errors over 1 N on unseen bodies are.
-LARGEST_INTERVAL_N = 0.75
 BLOCK, JUDGED = 65536, 7  # samples whose residuals are computed at a time; every seventh validates the covariance
 HELD = 40  # E: paths that suffice to choose an epoch, or to scale the covariance; the others train
 GAIN_SHARE = 1e-3  # of the mean square answer: regularisation of fine-tuning toward no change
@@ -73,11 +71,13 @@ def fit(
         pictures: the same paths through the real tracker, if there are pictures; the covariance is then scaled on
             those of its calibration paths, because domain-randomised sensors lack some errors of real ones.
         others: contacts of other kinds, to which only the covariance is fitted: it learns where the mean is wrong, and
-            ``out_of_range`` is raised where that makes the interval of a force exceed :data:`LARGEST_INTERVAL_N`.
+            ``out_of_range`` is raised where that makes the interval of a force too wide
+            (:mod:`sensing.learning.covered_range`).
 
     Raises:
         ParameterError: too few paths, a field that is not square, or a start of another design or shape.
     """
+    config = config if start is None else sized_as(start, config)
     unit, origin = wrench_scale(samples), provenance(samples, config, start, others)
     samples, start = in_reference_loads(samples), start and rescaled(start, 1 / wrench_scale(start))
     pictures, others = (part and in_reference_loads(part) for part in (pictures, others))
@@ -104,8 +104,7 @@ def fit(
         "metrics": {"validation_rmse": _rmse(net, validation, unit), "calibration_rmse": _rmse(net, calibration, unit)},
     }
     weights = _tensors(net, train, start)
-    covered = covered_range(weights, rest, config, height, start)
-    covered = covered if others is None else replace(covered, interval_n=LARGEST_INTERVAL_N)
+    covered = covered_range(weights, rest, config, height, start, taught=others is not None)
     model = WrenchModel(weights, samples.design, samples.method, (height, width), covered, about, samples.identity)
     return rescaled(model, unit)
 

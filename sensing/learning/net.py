@@ -13,10 +13,14 @@ torch.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, silu, softplus
 
+from cad.errors import ParameterError
+from sensing.learning.fit_config import FitConfig
 from sensing.wrench.model import LAYERS, MAX_MIX, MAX_SPREAD, MIN_SPREAD, WrenchModel
 from sensing.wrench.tensors import BESIDE, ONSET
 
@@ -128,6 +132,26 @@ def as_net(model: WrenchModel) -> WrenchNet:
     net = WrenchNet(inputs, components, *widths, len(model.layers))
     net.load_state_dict({"tracking": net.tracking, **weights})
     return net.eval()
+
+
+def sized_as(model: WrenchModel, config: FitConfig) -> FitConfig:
+    """Settings with the size that a network has, and with no fewer principal fields.
+
+    Args:
+        model: the network.
+        config: settings of its fine-tuning.
+
+    Raises:
+        ParameterError: settings that ask for another size.
+    """
+    hidden, depth = len(model.weights["mean.first.bias"]), len(model.layers)
+    for name, size in (("hidden", hidden), ("depth", depth)):
+        if getattr(config, name) not in (getattr(FitConfig(), name), size):
+            asked = f"{name}={getattr(config, name)}"
+            raise ParameterError(f"{asked}: weights that are fine-tuned keep their {size}; leave it out", name=name)
+    components = max(config.components, len(model.weights["principal"]))
+    doubting = len(model.weights["spread.0.bias"])
+    return replace(config, components=components, hidden=hidden, doubting=doubting, depth=depth)
 
 
 def negative_log_likelihood(residual: Tensor, factor: Tensor) -> Tensor:

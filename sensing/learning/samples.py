@@ -25,38 +25,29 @@ from numpy.typing import NDArray
 from cad.errors import ParameterError
 from cad.identity import Identity, identity, require_same
 from cad.materials import DEFAULT_SILICONE
-from cad.messages import transient
+from cad.messages import LOG, transient
 from cad.params import EndcapParams
 from cad.whole_file import replace_file
 from sensing.camera.chosen_module import other_module_words
 from sensing.code_digest import code_digest
 from sensing.frames import T_sphere_endcap, wrench_adjoint
-from sensing.learning.found_camera import camera_file, camera_of_set
+from sensing.learning.found_camera import camera_file, camera_of_set, input_as_live
 from sensing.learning.marker_fields import MarkerSensor, Scatter
 from sensing.learning.symmetry import disc_cells
 from sensing.records_labelled import COLUMNS, RECORDED, LabelledSet, read_shard
 from sensing.tracking.methods import FieldMethod, field_method, method_code
-from sensing.tracking.model_input import model_input
-from sensing.tracking.zero import single_zero
 
 SHAPE = (16, 16)  # cells of our model: about as many numbers as the dots give
-# What decides what a field is: dots, camera, tracker, and the sensors that view fields without pictures.
-SOURCES = ("cad", "sensing/camera", "sensing/calibration", "sensing/decode.py", "sensing/learning", "sensing/tracking")
+# What decides what a sample is: dots, camera, tracker, frames of labels, and sensors that view fields without pictures.
+SOURCES = ("cad", "sensing/wrench/dot_noise.py", *(
+    f"sensing/{name}" for name in ("calibration", "camera", "decode.py", "frames.py", "learning", "tracking")
+))  # fmt: skip
 MARKERS = "markers"  # method of fields without pictures
 SENSORS, VIEWS = 64, 4  # number of domain-randomised sensors of a set, and of those that view each run
 # Arrays of the samples, in the order of their cache.
 ROW_ARRAYS = (
-    "fields",
-    "valid",
-    "wrenches",
-    "path",
-    "phase",
-    "time_s",
-    "contact",
-    "tilt_deg",
-    "azimuth_deg",
-    "friction",
-)
+    "fields", "valid", "wrenches", "path", "phase", "time_s", "contact", "tilt_deg", "azimuth_deg", "friction",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -233,18 +224,21 @@ def _tracked(
     """Rows in the order of :data:`ROW_ARRAYS`, from tracked pictures."""
     to_sphere = wrench_adjoint(T_sphere_endcap(design))
     worker: FieldMethod | None = None
+    doubts: list[str] = []
     now, camera = None, camera_of_set(data) if method == "dots" else None
     for item in data.frames():
         run = (item.path, str(item.labels["azimuth_deg"]))
         if worker is None or run != now:  # a new run: another reference, or the contact jumps
             now = run
             if method == "dots":
-                worker = model_input(single_zero(item.reference).frame(), shape, design, camera, radial)
+                worker = input_as_live(item.reference, shape, design, camera, radial, doubts)
             else:
-                worker = field_method(method, item.reference, shape)
+                worker = field_method(method, item.reference, shape, design)
         field = worker.update(item.frame)
         fields = np.where(np.isfinite(field.channels), field.channels, 0.0).astype(np.float32)
         yield fields, field.valid, *_label_row(data, item.labels, to_sphere)
+    if doubts:
+        LOG.warning(f"{data.folder}: the camera does not fit {len(doubts)} reference(s), fields are off: {doubts[0]}")
 
 
 def _marked(data: LabelledSet, design: EndcapParams, shape: tuple[int, int]) -> Iterator[tuple[Any, ...]]:

@@ -12,7 +12,6 @@ from sensing.learning.samples import Samples
 from sensing.learning.scores import Score, score
 from sensing.records import Wrench
 from sensing.wrench.filter import FilterConfig, WrenchFilter
-from sensing.wrench.model import WrenchModel
 
 LATENCY_S = 0.05  # E: from mid-exposure to the answer of a USB camera; also the paper's pairing window
 LAG_FRAMES = 10  # fewest frame intervals of a run whose lag is searched
@@ -39,18 +38,19 @@ class _Run:
     time_s: Array
 
 
-def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict: bool = True) -> Score:
+def filtered_score(
+    value: Array, covariance: Array, test: Samples, load_scale: float, latency_s: float, predict: bool = True
+) -> Score:
     """Score of filtered wrenches at capture time plus latency, against the truth at that time.
 
     Args:
-        model: model of the wrenches of single frames.
-        test: frames; runs with too few for the latency are left out.
+        value, covariance: (N, 6) answers of single frames, N and N m, and (N, 6, 6) their covariances.
+        test: the frames; runs with too few for the latency are left out.
+        load_scale: scale of the endcap's forces (:mod:`sensing.wrench.load_scale`).
         latency_s: time from the capture to the report, s.
         predict: False reports the wrench of the capture time late, without prediction.
     """
-    value, covariance = model.predict(test.inputs)
-    config = FilterConfig().scaled(model.load_scale, model.design.outer_radius_mm)
-    moving_n = MOVING_N * model.load_scale
+    config, moving_n = FilterConfig().scaled(load_scale, test.design.outer_radius_mm), MOVING_N * load_scale
     runs = [_filtered(test, rows, value, covariance, latency_s, WrenchFilter(config), predict) for rows in _runs(test)]
     lags = [lag for run in runs if np.isfinite(lag := _lag_of_run(run, moving_n))]
     scored = score(
@@ -58,7 +58,7 @@ def filtered_score(model: WrenchModel, test: Samples, latency_s: float, predict:
         np.concatenate([run.truth for run in runs]),
         np.concatenate([run.contact for run in runs]),
         np.concatenate([run.covariance for run in runs]),
-        load_scale=model.load_scale,
+        load_scale=load_scale,
     )
     return replace(scored, lag_s=float(np.median(lags)) if lags else float("nan"))
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sensing.camera.light import light_of
 from sensing.records import DotTracks, Frame
-from sensing.tracking.zero import STILL_PX, Zero, ZeroError, measure_drift, take_zero
+from sensing.tracking.zero import STILL_PX, Drift, Zero, ZeroError, measure_drift, take_zero
 
 MOST_UNSEEN_ANEW = 0.04  # E: share of the dots that a new reference may lack of those that the last one has
 MOST_GAP = 0.5  # of the time to wait, between two pictures: what happened meanwhile is not known
@@ -24,17 +24,22 @@ class AutoZero:
         zero: the reference in use.
         still_s: untouched and still for this long.
         frames: frames kept for the new reference.
+
+    Attributes:
+        zero: the reference in use.
+        drift: since then, of the last frame; None before the first.
     """
 
     def __init__(self, zero: Zero, still_s: float = 30.0, frames: int = 10) -> None:
         self.zero, self._still_s, self._keep = zero, still_s, frames
+        self.drift: Drift | None = None
         self._since_s: float | None = None
         self._last: DotTracks | None = None
         self._frames: list[Frame] = []
 
     def update(self, frame: Frame, tracks: DotTracks) -> Zero | None:
         """A new reference when it is surely time for one, else None."""
-        drift = measure_drift(self.zero, frame, tracks)
+        drift = self.drift = measure_drift(self.zero, frame, tracks)
         moved = self._last is not None and _step_px(self._last, tracks) > STILL_PX * min(tracks.size) / 480.0
         if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= MOST_GAP * self._still_s:
             self.begin_anew()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from cad.params import EndcapParams
 from sensing.decode import SHORT_SIDE_PX, decode_bgr, decode_gray, to_full_px, working_reduction
 from sensing.records import Frame, Image, ShearField
 from sensing.tracking.dots import find_dots
@@ -89,16 +90,21 @@ class LucasKanadeField:
     Args:
         reference: undeformed picture.
         shape: (H, W).
+        params: the design, whose dots are looked for; None for dots that look like the released ones.
         window: side of the windows in working pixels.
         levels: pyramid levels beyond the first.
     """
 
-    def __init__(self, reference: Frame, shape: tuple[int, int], window: int = LK_WINDOW, levels: int = 2) -> None:
+    def __init__(
+        self, reference: Frame, shape: tuple[int, int], params: EndcapParams | None = None, window: int = LK_WINDOW,
+        levels: int = 2,
+    ) -> None:  # fmt: skip
         self._options = {"winSize": (window, window), "maxLevel": levels}
         size = frame_size(reference)
         self._reduction = working_reduction(size)
         self._reference = decode_gray(reference, self._reduction)
-        self._points = find_dots(self._reference, source=reference.source).position_px.astype(np.float32)[:, None]
+        dots = find_dots(self._reference, source=reference.source, params=params)
+        self._points = dots.position_px.astype(np.float32)[:, None]
         self._operator = field_operator(to_full_px(self._points[:, 0], self._reduction), size, shape)
         self._scale = CROP_PX / min(size) * self._reduction
 

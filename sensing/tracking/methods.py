@@ -92,7 +92,7 @@ def field_method(
         name: one of :func:`known_methods`.
         reference: the undeformed picture.
         shape: (H, W) of the field.
-        params: the design, whose dots ``dots`` looks for; None for dots that look like the released ones.
+        params: the design, whose dots ``dots`` and ``lk`` look for; None for dots that look like the released ones.
 
     Raises:
         ParameterError: no such method.
@@ -106,7 +106,7 @@ def field_method(
     if name == "dis":
         return DisField(reference, shape)
     if name == "lk":
-        return LucasKanadeField(reference, shape)
+        return LucasKanadeField(reference, shape, params)
     if name == "dense":
         return DisField(reference, shape, normalised)
     if name in known_methods():

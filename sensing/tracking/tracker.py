@@ -114,11 +114,13 @@ class DotTracker:
         self._take(self.found.only(kept), patches.only(kept))
 
     def only(self, which: NDArray[np.intp]) -> DotTracker:
-        """A new tracker of some of the dots, as one made with these dots is; windows are cut once.
+        """A new tracker of some of the dots, as one made with these dots is; windows are cut once. Itself if of all.
 
         Args:
-            which: their numbers.
+            which: their numbers, ascending.
         """
+        if len(which) == len(self.dots):
+            return self
         chosen = copy.copy(self)
         vars(chosen).pop("wide", None)
         chosen._image, dots = self._image.copy(), self.dots.only(which)

@@ -9,6 +9,7 @@ import pytest
 from cad.errors import ParameterError
 from cad.identity import identity
 from cad.params import EndcapParams
+from cad.pattern import parse_rings
 from sensing.field import compute_fields, main
 from sensing.records import Frame
 from sensing.sources.drawn import Drawing, draw_dots
@@ -127,6 +128,14 @@ def test_a_reference_is_taken_with_the_options_that_agree_with_it(files, words):
 def test_unknown_method_lists_the_known():
     with pytest.raises(ParameterError, match="choose from dots, gelslim"):
         field_method("magic", Frame(0, 0, "a", image=IMAGE))
+
+
+@pytest.mark.parametrize("method", ["dots", "lk"])
+def test_a_method_looks_for_the_dots_of_the_design(method):
+    """Lucas and Kanade's found none of 8 mm on a small dome, though the design was given."""
+    design = EndcapParams(101, 10, parse_rings("1-5-9-12"), 8.0)
+    picture = Frame(0, 0, "a", image=draw_dots(Drawing(specks=0, digit=""), design)[0])
+    assert field_method(method, picture, (8, 8), design).update(picture).valid.any()
 
 
 def test_results_come_frame_by_frame():

@@ -14,11 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cad.params import EndcapParams
 from sensing.calibration.command_for import calibrate_command
 from sensing.calibration.misfit import Misfit
 from sensing.calibration.rest_camera import RestCamera
-from sensing.calibration.rest_picture import pattern_dots, picture_doubts
+from sensing.calibration.rest_picture import picture_doubts
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.camera.parameters import camera_vector
@@ -26,7 +25,6 @@ from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import WrenchEstimator
 from sensing.records import DotTracks, Wrench
 from sensing.tracking.model_input import ModelInput
-from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import Zero
 from sensing.wrench.camera_spread import CameraSpread
 from sensing.wrench.dot_noise import DotNoise
@@ -81,21 +79,6 @@ class CameraCheck:
         if self._spread is not None:
             unknown = unknown + self._spread.covariance(tracks)
         return replace(wrench, covariance=wrench.covariance + unknown)
-
-
-def paint_tracker(tracker: DotTracker, rest: RestCamera, params: EndcapParams) -> DotTracker:
-    """A tracker of the design's dots alone: a speck on the lens keeps its place when the skin moves.
-
-    Args:
-        tracker: of all that look like dots; the answer where no camera is known.
-        rest: the camera.
-        params: the endcap.
-    """
-    camera = rest.known(params, tracker.size)
-    if camera is None:
-        return tracker
-    which = pattern_dots(tracker.reference_px, params, camera)
-    return tracker if len(which) == len(tracker.dots) else tracker.only(which)
 
 
 def _with_misfit(assumed: MountedCamera, misfit: Misfit) -> MountedCamera:

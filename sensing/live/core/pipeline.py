@@ -19,7 +19,7 @@ from sensing.calibration.rest_camera import RestCamera, rest_camera
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import sized
-from sensing.live.core.camera_check import CameraCheck, paint_tracker
+from sensing.live.core.camera_check import CameraCheck
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.measurement import Measurement
@@ -233,7 +233,7 @@ class EndcapPipeline:
             _ = method.tracker.wide  # built now, not when dots are first lost
             self._checks[method] = CameraCheck(self.endcap, rest, method, self.model.estimator, zero)
             return method
-        return field_method(self.model.method, zero.frame(), self.model.shape)
+        return field_method(self.model.method, zero.frame(), self.model.shape, self.endcap.params)
 
     def _anew(self, reference: Reference) -> Reference:
         """The reference with a method without history; a tracker is reused, as building one takes a second."""
@@ -245,10 +245,10 @@ class EndcapPipeline:
     def _rest_camera(self, zero: Zero) -> tuple[RestCamera, DotTracker]:
         """Camera and tracker of a reference; the camera is estimated once per picture and kept."""
         digest, tracker = zero.digest, DotTracker(zero.frame(), params=self.endcap.params)
-        if digest not in self._cameras:
-            found = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
-            self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: found}
-        return self._cameras[digest], paint_tracker(tracker, self._cameras[digest], self.endcap.params)
+        if (rest := self._cameras.get(digest)) is None:
+            rest = rest_camera(zero.frame(), tracker.reference_px, self.endcap.params, self._camera)
+            self._cameras = dict(list(self._cameras.items())[-KEPT_CAMERAS:]) | {digest: rest}
+        return rest, tracker.only(rest.design_dots(tracker.reference_px, self.endcap.params, tracker.size))
 
     def _use(self, reference: Reference, kept: Kept = NOTHING_KEPT) -> None:
         self._used, self._check = reference, self._checks.get(reference.method)

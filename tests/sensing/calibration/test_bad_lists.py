@@ -1,4 +1,5 @@
-"""Lists of dots and of a board's points that no camera can be found from: one line each, naming what is wrong."""
+"""Lists of dots and of a board's points that no camera can be found from: one line each, naming what is wrong;
+and options beside them that nothing reads."""
 
 import warnings
 
@@ -85,3 +86,19 @@ def test_lists_that_a_spreadsheet_saved_with_a_byte_order_mark_are_read(tmp_path
     rows = "".join(f"0,{x},{y},{10 * x},{10 * y}\n" for x in range(4) for y in range(4))
     (tmp_path / "board.csv").write_text(f"view,x_mm,y_mm,u_px,v_px\n{rows}", encoding="utf-8-sig")
     assert len(read_views(tmp_path / "board.csv")) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--board a.csv b.csv", "--board with a CSV among others: one holds all views"),
+        ("--board a.csv --square 8", "--board and CSV with --square: nothing reads it"),
+        ("--board a.jpg --size 1280x720", "--board and photos with --size: nothing reads it"),
+        ("--board a.jpg --picture f.png", "--board with --picture: it is of --photo and --zero"),
+        ("--photo a.jpg --square 8", "--photo with --square: it is of --board"),
+    ],
+)
+def test_what_nothing_reads_is_refused(words, said, tmp_path, capsys):
+    """Of several lists of points only the first was read, and a picture that was asked for never came."""
+    assert calibrate.main([*words.split(), "--out", str(tmp_path / "camera.json")]) == 2
+    assert said in capsys.readouterr().err

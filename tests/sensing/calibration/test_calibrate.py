@@ -14,6 +14,7 @@ from cad.errors import FileError
 from cad.identity import identity
 from cad.lens import camera_module
 from cad.params import EndcapParams
+from cad.pattern import parse_rings
 from sensing.calibrate import main
 from sensing.calibration.dots import CalibrationError, find_dots, pattern_points, read_dots
 from sensing.calibration.from_board import BoardView, _grouped_jacobian, calibrate_from_board
@@ -161,6 +162,16 @@ def test_finder_is_sub_pixel_on_clean_dots() -> None:
     whole = frame.dots_visible & ((frame.dots_px > 12) & (frame.dots_px < [627, 467])).all(1)
     distance = np.linalg.norm(found[:, None] - frame.dots_px[whole], axis=-1)
     assert np.median(distance.min(0)) < 0.25 and (distance.min(0) < 1.0).mean() > 0.97
+
+
+def test_dots_of_a_hundred_and_fifty_pixels_are_found_as_in_a_smaller_picture() -> None:
+    """The median of such a picture overflowed OpenCV's counters: wrong first, and from 300 px of window on an error."""
+    large, seen = EndcapParams(101, 10, parse_rings("1-5-9-12"), 8.0), []
+    for width, height in ((1280, 720), (1920, 1080)):
+        drawing = Drawing(size=(width, height), centre_px=(width / 2 - 0.5, height / 2 - 0.5), specks=0, digit="")
+        seen.append((find_dots(draw_dots(drawing, large)[0], large) + 0.5) / height)
+    apart = np.linalg.norm(seen[0][:, None] - seen[1], axis=-1)
+    assert len(seen[0]) == len(seen[1]) > 15 and 480 * apart.min(axis=1).max() < 0.3
 
 
 def board_views(lens: FisheyeCamera, count: int, noise_px: float) -> tuple[list[BoardView], np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sensing.design.bound import _seen, smallest_covariance
+from sensing.design.bound import Bound, _seen, smallest_covariance
 
 RNG = np.random.default_rng(5)
 SLOPES = RNG.normal(size=(3, 40)) * np.array([[1.0], [20.0], [0.01]])  # parameters of very different units
@@ -44,6 +44,14 @@ def test_what_nothing_shows_keeps_its_prior():
     answer = np.vstack([np.zeros((3, 1)), [[2.0]]])
     known = np.diag([0.0, 0.0, 0.0, 4.0])
     assert smallest_covariance(blind, NOISE, answer, known)[0, 0] == pytest.approx(2.0**2 / 4.0)
+
+
+def test_what_is_blind_on_a_scaled_copy_is_the_same():
+    """Torques grow with the radius: weighed as those of 130 mm, they looked the weakest of every large endcap."""
+    root = RNG.normal(size=(6, 6)) * np.repeat([0.05, 0.007], 3)[:, None]
+    larger = np.repeat([1.0, 2.0], 3)[:, None] * root
+    one, other = (Bound(50.0, 5.0, np.zeros(6), r @ r.T, 1.0, 90) for r in (root, larger))
+    assert np.allclose(np.abs(one.weakest(65.0)), np.abs(other.weakest(130.0)))
 
 
 def test_dots_are_whole_within_the_same_border_on_all_four_sides():

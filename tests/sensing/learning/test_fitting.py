@@ -185,6 +185,18 @@ def test_training_on_a_soft_or_thick_dome_is_that_of_the_released_one_in_other_n
         assert rmse[1] == pytest.approx(rmse[0] * factor, rel=1e-2)
 
 
+def test_fine_tuned_weights_flag_the_bodies_that_those_before_flagged(data):
+    """Fine-tuning on a few recorded paths lost the limit of intervals, and with it that flag, without a word."""
+    few = replace(QUICK, epochs=4)
+    taught = fit(data, few, others=made_samples(seed=3))
+    tuned = fit(made_samples(seed=5), few, start=taught)
+    wider = tuned.weights["calibration"][:3] / taught.weights["calibration"][:3]
+    assert taught.range.interval_n == pytest.approx(0.75)
+    assert tuned.range.interval_n == pytest.approx(0.75 * float(wider.min()))
+    plain = fit(data, few)
+    assert np.isinf(plain.range.interval_n) and np.isinf(fit(data, few, start=plain).range.interval_n)
+
+
 def test_weights_that_saw_no_recorded_path_state_so(data):
     """All but those that ship stated the opposite, and live left their intervals as narrow as simulated frames have
     them."""

@@ -39,8 +39,10 @@ def test_test_folders_of_one_name_keep_their_rows(weights, tmp_path, capsys, mon
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["--train", "D", "--holdout", "path", "--cells-csv", "c.csv"], "--cells-csv without test folders"),
-        (["--train", "D", "--holdout", "path", "--weights", "w"], "--weights without test folders"),
+        (["--train", "D", "--holdout", "path", "--cells-csv", "c.csv"], "no test folders with --cells-csv"),
+        (["--train", "D", "--holdout", "path", "--weights", "w"], "no test folders with --weights"),
+        (["T", "--seed", "3"], "no --holdout with --seed"),
+        (["T", "--paper-epochs", "3"], "no --train with --paper-epochs"),
         (["D", "--csv", "c.csv", "--cells-csv", "./c.csv"], "--csv and --cells-csv are both c.csv"),
     ],
 )

@@ -16,16 +16,13 @@ def test_lag_left_in_is_reported_and_prediction_takes_it_out():
     time = np.arange(90) / 30
     swing = np.outer(np.sin(4 * time), [5.0, 2.0, 8.0, 0.1, 0.2, 0.3])
     test = SimpleNamespace(
-        inputs=np.zeros((180, 1)), wrenches=np.concatenate([swing, np.zeros((90, 6))]), time_s=np.tile(time, 2),
+        wrenches=np.concatenate([swing, np.zeros((90, 6))]), time_s=np.tile(time, 2), design=DESIGN,
         path=np.repeat(["a", "b"], 90), azimuth_deg=np.zeros(180), contact=np.ones(180, bool),
     )  # fmt: skip
-    model = SimpleNamespace(
-        load_scale=1.0, design=DESIGN,
-        predict=lambda inputs: (test.wrenches, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1))),
-    )  # fmt: skip
-    assert filtered_score(model, test, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
-    assert filtered_score(model, test, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
-    assert filtered_score(model, test, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
+    answers = test.wrenches, np.tile(1e-4 * np.eye(6), (180, 1, 1)), test, 1.0
+    assert filtered_score(*answers, 0.0).lag_s == pytest.approx(0.0, abs=0.003)
+    assert filtered_score(*answers, 0.06, predict=False).lag_s == pytest.approx(0.06, abs=0.008)
+    assert filtered_score(*answers, 0.06).lag_s == pytest.approx(0.0, abs=0.02)
 
 
 def test_late_answers_are_judged_by_the_contact_of_their_own_time():
@@ -33,15 +30,13 @@ def test_late_answers_are_judged_by_the_contact_of_their_own_time():
     force = np.array([0.0, 0.0, 8.0, 8.0, 0.0, 0.0])
     truth = np.outer(force, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
     test = SimpleNamespace(
-        inputs=np.zeros((6, 1)), wrenches=truth, time_s=np.arange(6.0), path=np.full(6, "a"),
-        azimuth_deg=np.zeros(6), contact=force > 0,
+        wrenches=truth, time_s=np.arange(6.0), path=np.full(6, "a"), design=DESIGN, azimuth_deg=np.zeros(6),
+        contact=force > 0,
     )  # fmt: skip
-    model = SimpleNamespace(
-        load_scale=1.0, design=DESIGN, predict=lambda inputs: (truth, np.tile(1e-4 * np.eye(6), (len(inputs), 1, 1)))
-    )
-    late = filtered_score(model, test, 1.0, predict=False)
+    answers = truth, np.tile(1e-4 * np.eye(6), (6, 1, 1)), test, 1.0
+    late = filtered_score(*answers, 1.0, predict=False)
     assert late.rest_n == pytest.approx(8.0, rel=0.01)
-    assert filtered_score(model, test, 0.0, predict=False).rest_n < 0.1
+    assert filtered_score(*answers, 0.0, predict=False).rest_n < 0.1
 
 
 def test_the_filter_that_is_scored_is_that_of_the_endcaps_forces():
@@ -52,14 +47,11 @@ def test_the_filter_that_is_scored_is_that_of_the_endcaps_forces():
 
     def scored(scale):
         test = SimpleNamespace(
-            inputs=np.zeros((90, 1)), wrenches=scale * truth, time_s=time, path=np.full(90, "a"),
+            wrenches=scale * truth, time_s=time, path=np.full(90, "a"), design=DESIGN,
             azimuth_deg=np.zeros(90), contact=np.ones(90, bool),
         )  # fmt: skip
         covariance = np.tile((0.1 * scale) ** 2 * np.eye(6), (90, 1, 1))
-        return filtered_score(
-            SimpleNamespace(load_scale=scale, design=DESIGN, predict=lambda inputs: (scale * seen, covariance)),
-            test, 0.06,
-        )  # fmt: skip
+        return filtered_score(scale * seen, covariance, test, scale, 0.06)
 
     hard, soft = scored(1.0), scored(0.04)
     assert np.array(soft.rmse) == pytest.approx(0.04 * np.array(hard.rmse), rel=1e-6)

@@ -1,32 +1,23 @@
 """From a folder of labelled frames to weights and a table, on pictures drawn and warped (no simulator)."""
 
 import csv
-import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from live_stand_in import stand_in
-from long_cases import others_long
 from pictured_set import DOTS, write_set
 
 from cad.errors import FileError, ParameterError
-from cad.identity import identity
 from cad.params import EndcapParams
-from sensing.camera.mount import mount, rotation_matrix
-from sensing.camera.nominal import nominal_lens
-from sensing.live.core.endcap_config import EndcapConfig
-from sensing.live.core.pipeline import EndcapPipeline
-from sensing.records_labelled import LabelledSet
-from sensing.tracking.zero import single_zero
+from sensing.wrench.model import load_wrench_model
 
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from sensing import evaluate, train
-from sensing.learning import samples
 from sensing.learning.compliance import contact_axes, fit_compliance, turned_field
 from sensing.learning.contenders import Views, frame_keys, held_out
-from sensing.learning.found_camera import found_camera
 from sensing.learning.marker_fields import PLAIN, MarkerSensor
 from sensing.learning.samples import VIEWS, read_samples, shared_between
 from sensing.learning.scores import score, table
@@ -39,87 +30,6 @@ def weights(folders, tmp_path_factory):
     out = tmp_path_factory.mktemp("weights") / "w.safetensors"
     assert train.main([str(folders[0]), "--out", str(out), "--method", "dots", "--epochs", "30"]) == 0
     return out
-
-
-def test_samples_are_made_once_and_again_when_the_data_grow(folders, tmp_path):
-    folder = write_set(tmp_path / "set", 2, 3)
-    first = read_samples(folder)
-    cache = folder / "fields_dots_16x16.npz"
-    stamp = cache.stat().st_mtime_ns
-    assert np.array_equal(read_samples(folder).fields, first.fields) and cache.stat().st_mtime_ns == stamp
-    assert len(first) == 8 and set(first.path) == {"static-3-0", "static-3-1"}
-    height_m = first.design.centre_height_mm / 1000
-    lever = np.cross([0, 0, -height_m], first.wrenches[:, :3])
-    assert np.allclose(first.wrenches[:, 3:], lever)  # labels about the endcap's origin, samples about the sphere's
-    (folder / "shards" / "00001.npz").unlink()
-    assert len(read_samples(folder)) == 4
-    for damaged in (b"damaged", cache.read_bytes()[:-900], b"PK\x03\x04"):
-        cache.write_bytes(damaged)
-        assert len(read_samples(folder)) == 4
-
-
-def test_samples_are_made_again_when_the_code_that_makes_fields_has_changed(tmp_path, monkeypatch):
-    """Fields of a tracker of weeks ago were taken for today's: a number that somebody had to raise by hand said so."""
-    folder = write_set(tmp_path / "set", 1, 3)
-    read_samples(folder)
-    cache = folder / "fields_dots_16x16.npz"
-    first = cache.read_bytes()
-    (tmp_path / "other.py").write_text("changed = False\n")
-    monkeypatch.setattr(samples, "SOURCES", (*samples.SOURCES, str(tmp_path)))
-    read_samples(folder)
-    assert cache.read_bytes() != first
-    changed = cache.stat().st_mtime_ns
-    read_samples(folder)
-    assert cache.stat().st_mtime_ns == changed
-    (tmp_path / "other.py").write_text("changed = True\n")
-    read_samples(folder)
-    assert cache.stat().st_mtime_ns != changed
-
-
-def test_samples_of_a_recording_are_made_again_when_its_camera_file_changes(tmp_path):
-    """Fields are seen through that camera: those kept from before it was calibrated, or calibrated anew, are others."""
-    folder = write_set(tmp_path / "set", 1, 3)
-    manifest = json.loads((folder / "manifest.json").read_text())
-    manifest["request"]["protocol"] = "recorded"
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    without = read_samples(folder).fields
-    height_mm = EndcapParams(130, 8).camera_height_mm
-    for turn_rad in (0.0, 0.1):
-        mount(nominal_lens(), (0.0, 0.0, height_mm), rotation_matrix([0.0, 0.0, turn_rad])).save(folder / "camera.json")
-        seen = read_samples(folder).fields
-    assert np.abs(seen - without).max() > 0.1
-    of_another = mount(nominal_lens(), (0.0, 0.0, height_mm))
-    of_another.save(folder / "camera.json", identity(EndcapParams(140, 8)))
-    with pytest.raises(FileError, match="calibrate this endcap's own"):  # as live refuses it
-        read_samples(folder)
-
-
-@pytest.mark.parametrize("mounted", others_long(["the found camera", "a recording's camera.json", "no file"]))
-def test_live_computes_the_fields_that_training_computed(mounted, tmp_path):
-    """To the bit: simulated frames with the camera a user finds, recordings with theirs, or without one."""
-    folder = write_set(tmp_path / "set", 2, 3)
-    design, camera = EndcapParams(130, 8), None
-    if mounted == "the found camera":
-        camera = tmp_path / "found.json"
-        found_camera(LabelledSet(folder)).save(camera)
-    else:
-        manifest = json.loads((folder / "manifest.json").read_text())
-        manifest["request"]["protocol"] = "recorded"
-        (folder / "manifest.json").write_text(json.dumps(manifest))
-    if mounted == "a recording's camera.json":
-        camera = folder / "camera.json"
-        turned = rotation_matrix([0.02, -0.01, 0.03])
-        mount(nominal_lens(), (0.4, -0.3, design.camera_height_mm + 0.3), turned).save(camera)
-    trained = read_samples(folder)
-    endcap = EndcapConfig("endcap_0", "test", camera=camera)
-    pipe, live = None, []
-    for item in LabelledSet(folder).frames():
-        if item.frame.sequence == 0:
-            pipe = EndcapPipeline(endcap, stand_in(), single_zero(item.reference))
-        live.append(pipe.update(item.frame).field.channels)
-    off = np.abs(np.array(live) - trained.fields).max()
-    assert off == 0
-    assert np.abs(trained.fields).max() > 1.0
 
 
 def test_train_then_evaluate(folders, weights, tmp_path, capsys):
@@ -144,6 +54,27 @@ def test_train_then_evaluate(folders, weights, tmp_path, capsys):
     rows = {row["name"]: row for row in csv.DictReader(out.open())}
     assert float(rows["ours, test"]["rmse_fx_n"]) < 1.0 < float(rows["paper, test"]["rmse_fx_n"])
     assert float(rows["ours, test"]["rest_n"]) < 0.3
+
+
+def test_a_plug_in_is_not_judged_on_frames_of_another_endcap(folders, tmp_path):
+    """It was made for the first folder's, and answered for all."""
+    other = write_set(tmp_path / "other", 1, 5, diameter=140.0)
+    with pytest.raises(FileError, match="test frames for the design D140_T8"):
+        evaluate.evaluate([folders[1], other], model=stand_in())
+
+
+def test_the_filter_is_judged_with_the_answers_and_covariances_of_live(folders, monkeypatch):
+    """It took the network's own, without what live adds for camera, noise and simulation; a plug-in's had no row."""
+    plain = evaluate.evaluate([folders[1]], model=stand_in())[0]
+    live_answers = evaluate.live_answers
+
+    def wider(data, model, camera):
+        found = live_answers(data, model, camera)
+        return replace(found, covariance=1e6 * found.covariance)
+
+    monkeypatch.setattr(evaluate, "live_answers", wider)
+    wide = evaluate.evaluate([folders[1]], model=stand_in())[0]
+    assert plain["ours + filter, test"].coverage < 0.9 and wide["ours + filter, test"].coverage == 1.0
 
 
 def test_leaks_and_bad_input_are_refused_in_one_line(folders, weights, tmp_path, capsys):
@@ -190,6 +121,29 @@ def test_what_folders_would_ignore_is_refused(ignored, tmp_path, capsys):
     assert f"folders with {ignored[0]}: it belongs to --design" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--start", "default", "--intervals", "DATA", "--others", "DATA"], "--intervals without DATA with --others"),
+        (["--start", "default", "--intervals", "DATA", "--epochs", "3"], "--intervals without DATA with --epochs"),
+        (["DATA", "--tilt-to", "50"], "no --intervals with --tilt-to"),
+    ],
+)
+def test_what_nothing_reads_is_refused(words, said, tmp_path, capsys):
+    assert train.main([*words, "--out", str(tmp_path / "w")]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_fine_tuning_keeps_the_size_of_the_network_and_records_it(folders, weights, tmp_path, capsys):
+    """--hidden was dropped without a word, and the file stated the size that was asked for."""
+    tune = [str(folders[1]), "--method", "dots", "--start", str(weights), "--epochs", "1", "--out", str(tmp_path / "w")]
+    assert train.main([*tune, "--hidden", "32"]) == 2
+    assert "hidden=32: weights that are fine-tuned keep their 64; leave it out" in capsys.readouterr().err
+    assert train.main([*tune, "--components", "3"]) == 0
+    tuned = load_wrench_model(path=tmp_path / "w")
+    assert tuned.about["training"]["config"]["components"] == len(tuned.weights["principal"]) > 3
+
+
 def test_scores_of_known_errors():
     truth = np.zeros((4, 6))
     truth[:2, 2] = -2.0
@@ -219,8 +173,6 @@ def test_turning_a_field_turns_place_and_direction():
 @pytest.mark.long
 def test_physics_inverse_finds_place_and_force_of_a_made_up_compliance(folders):
     """Fields from an axisymmetric law at two tilts; the inverse is tried at other azimuths."""
-    from dataclasses import replace
-
     base = read_samples(folders[0])
     y, x = (np.mgrid[0:16, 0:16] + 0.5) / 8 - 1
 

@@ -212,11 +212,11 @@ class Filter:
         spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
         variance = np.full(len(length), spread) + measured_errors(state, slopes, layout, self.settings)
         expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + variance
-        off = float(np.nanmean(innovation**2 / expected))
-        if off > MISFIT:  # the steps were too long for straight lines, or the first shape was wrong
+        misfits = _misfits(innovation**2 / expected, bool(state.rejected))
+        if misfits:  # the steps were too long for straight lines, or the first shape was wrong
             self._loosen(state)
         found = np.empty(len(length))
-        change = update_step(state.covariance, slopes, innovation, variance, LIMIT if off < MISFIT else np.inf, found)
+        change = update_step(state.covariance, slopes, innovation, variance, np.inf if misfits else LIMIT, found)
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
@@ -231,6 +231,16 @@ class Filter:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
+
+
+def _misfits(ratio: Array, again: bool) -> bool:
+    """Whether lengths do not fit the shape, by squared innovations over their variances (C,), NaN for none.
+
+    One length alone that is off is a jump of its sensor, unless the last sample had one, too.
+    """
+    ratio = np.sort(ratio[np.isfinite(ratio)])
+    others = ratio if again or len(ratio) == 1 else ratio[:-1]
+    return bool(ratio.mean() > MISFIT and others.mean() > MISFIT)
 
 
 def _root_mean_square(rate: Array) -> float:

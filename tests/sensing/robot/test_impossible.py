@@ -89,6 +89,39 @@ def test_one_impossible_length_counts_as_missing():
         assert 'cable "' in estimate.health.notes[0] and estimate.health.ignored == 0
 
 
+@pytest.mark.parametrize("jump_m", [0.03, 0.1, -0.3])
+def test_a_length_that_jumps_once_counts_as_missing(jump_m):
+    """It counted as a shape in which no length fits, so it was taken: 0.1 m turned a bar by 8 degrees."""
+    found = []
+    for off_m in (np.nan, jump_m):
+        estimator = RobotEstimator(ROBOT)
+        for sample in SAMPLES:
+            if isinstance(sample, LengthSample) and 1.7 < sample.time_s < 1.73:
+                lengths_m = sample.lengths_m.copy()
+                lengths_m[3] += off_m
+                feed(estimator, [replace(sample, lengths_m=lengths_m)])
+                found.append(estimator.state())
+            else:
+                feed(estimator, [sample])
+        found.append(estimator.state())
+    missing, later, jumped, later_jumped = found
+    assert missing.health.rejected == 0 and jumped.health.rejected == 1 and later_jumped.health.good
+    for one, other in ((missing, jumped), (later, later_jumped)):
+        assert all((a.T_world_bar == b.T_world_bar).all() for a, b in zip(one.bars, other.bars, strict=True))
+
+
+def test_a_length_that_stays_off_is_no_jump():
+    """A filter that left it out for good would never come back from a wrong shape."""
+    estimator, rejected = RobotEstimator(ROBOT), []
+    for sample in SAMPLES:
+        if isinstance(sample, LengthSample) and sample.time_s > 1.7:
+            sample = replace(sample, lengths_m=sample.lengths_m + 0.3 * (np.arange(9) == 3))
+        feed(estimator, [sample])
+        if isinstance(sample, LengthSample) and sample.time_s > 1.7:
+            rejected.append(estimator.state().health.rejected)
+    assert rejected[:2] == [1, 0] and not estimator.state().health.good
+
+
 def test_lengths_in_millimetres_are_named_before_there_is_an_estimate():
     estimator = RobotEstimator(ROBOT)
     feed(estimator, [replace(s, lengths_m=1000 * s.lengths_m) if isinstance(s, LengthSample) else s for s in SAMPLES])

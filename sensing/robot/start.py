@@ -31,6 +31,7 @@ from sensing.tensegrity.vectors import minus_cross
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: limits for a robot that stands: of a rate, and of a force beside gravity
 ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest, and factor on the limits after it
 ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates, over the start, of a bar that only rocks
+LENGTHS_IN_S = 0.1  # E: s in which the first lengths of a start have to come
 QUIET_M = 0.006  # E: difference of the lengths' means over the two halves of the start
 STILL_RATE = 0.05  # rad/s; a gyroscope that measures more at the start is not at rest
 ROCKS = 0.1  # E: error of a mean rate over the spread of the rates, since the robot rocks as the start ends
@@ -100,8 +101,7 @@ def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
     return Gathered(
         tried_s, np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables),
         np.zeros(cables), np.zeros(bars), np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros(bars),
-        np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf),
-        np.full(bars, np.inf),
+        np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf), np.full(bars, np.inf),
     )  # fmt: skip
 
 
@@ -158,6 +158,20 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     both = (gathered.half_counts > 4).all(axis=0)  # E: the means of fewer are mostly noise
     means = gathered.halves[:, both] / gathered.half_counts[:, both]
     return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
+
+
+def lengths_late(gathered: Gathered, time_s: float, samples: Sequence[object]) -> bool:
+    """Whether the first lengths of a start come late, as of a program that was started later, so that it begins anew.
+
+    Its angles would contain the biases of the gyroscopes over the whole wait, and its lengths the noise of a few.
+
+    Args:
+        gathered: sums so far.
+        time_s: time of the samples, s.
+        samples: samples of one time.
+    """
+    first = not gathered.length_counts.any() and any(isinstance(sample, LengthSample) for sample in samples)
+    return first and time_s - gathered.first_s > LENGTHS_IN_S
 
 
 def goes_on(gathered: Gathered) -> bool:
@@ -218,10 +232,8 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)
     state.began_lifted = not problem.contacts and not problem.silent
-    lacks = (state.time_s - gathered.heard_s[:, 0] > state.silent_after_s) & np.array(
-        [bool(s) for s in layout.sensor_of_bar]
-    )
-    state.began_unmeasured = tuple(np.flatnonzero(lacks).tolist())
+    silent = np.flatnonzero(state.time_s - state.rate_s > state.silent_after_s).tolist()
+    state.began_unmeasured = tuple(bar for bar in silent if layout.sensor_of_bar[bar])
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
 

@@ -151,6 +151,22 @@ def test_cables_that_still_move_begin_the_start_anew():
     assert first_estimate(moving).time_s > 1.3
 
 
+@pytest.mark.parametrize("late_s", [0.8, 1.5, 12.0])
+def test_lengths_that_come_late_turn_no_first_shape(late_s):
+    """The first attitude contained the gyroscopes' biases times the wait: half a degree after a second, stated 0.15."""
+    poses, samples = standing_samples(ROBOT, late_s + 1.2, rate_hz=100.0)
+    bias = np.array([math.radians(0.5), 0.0, 0.0])
+    late = [
+        replace(s, rate_rad_s=s.rate_rad_s + bias) if isinstance(s, InertialSample) else s
+        for s in samples
+        if s.time_s >= late_s or not isinstance(s, LengthSample)
+    ]
+    estimate = first_estimate(late)
+    assert late_s + 0.9 <= estimate.time_s < late_s + 1.1 and estimate.health.good
+    away = np.cross(poses[0][2, :3], estimate.bars[0].T_world_bar[2, :3])  # of the world's z, in the leading bar's axes
+    assert np.linalg.norm(away) < 3 * np.sqrt(estimate.bars[0].covariance[3, 3])
+
+
 def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
     _, samples = rocking_samples(3.0, math.radians(7.0), math.radians(120.0))
     assert first_estimate(samples) is None

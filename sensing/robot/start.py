@@ -127,7 +127,7 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
         gathered.counts[bar, 0] += weight
         gathered.usual_s[bar] = usual_s(float(gathered.usual_s[bar]), time_s - float(gathered.heard_s[bar, 0]))
         gathered.heard_s[bar, 0] = time_s
-        if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
+        if sample.acceleration_m_s2 is not None:
             gathered.heard_s[bar, 1] = time_s
             gathered.force[bar] += weight * layout.sensor_turn[bar] @ sample.acceleration_m_s2
             gathered.counts[bar, 1] += weight

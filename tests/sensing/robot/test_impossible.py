@@ -157,6 +157,20 @@ def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
     assert any("imu_green: no sample" in note for note in estimator.state().health.notes)
 
 
+@pytest.mark.parametrize("filled", [0.0, np.nan, 1e6])
+def test_what_fills_the_acceleration_of_a_sensor_without_accelerometer_changes_nothing(filled):
+    """Zeros, as many drivers fill it, were taken for a fall: no estimate for ten seconds, and none that was good."""
+    estimates = []
+    for value in (None, np.full(3, filled)):
+        estimator = RobotEstimator(ROBOT)
+        named = {sensor.name for sensor in ROBOT.sensors if not sensor.accelerometer}
+        for sample in SAMPLES:
+            of_gyroscope = getattr(sample, "sensor", "") in named
+            feed(estimator, [replace(sample, acceleration_m_s2=value) if of_gyroscope else sample])
+        estimates.append(estimator.state())
+    assert estimate_text(estimates[0]) == estimate_text(estimates[1]) and estimates[0].health.good
+
+
 @pytest.mark.parametrize(("factor", "frames"), [(5.0, 1), (0.1, 1), (5.0, 2), (5.0, 10)])
 def test_forces_that_jump_move_neither_pose_nor_softness(factor, frames):
     """One frame of 200 N, which its sender calls valid, moved the softness by 0.6; ten frames are another contact."""

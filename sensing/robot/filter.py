@@ -92,7 +92,8 @@ class Filter:
         hold(state, time_s, self.layout)
         for sample in samples:
             if isinstance(sample, InertialSample):
-                state.rate_s[self._bar_of[sample.sensor]] = time_s
+                bar = self._bar_of[sample.sensor]
+                state.rate[bar], state.rate_s[bar] = self.layout.sensor_turn[bar] @ sample.rate_rad_s, time_s
             elif isinstance(sample, LengthSample):
                 state.lengths_s = time_s
             elif isinstance(sample, FootSample):

@@ -188,7 +188,7 @@ def _of_inertial(state: State, layout: Layout) -> list[str]:
             )
     if not layout.has_force.any():
         notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
-    elif state.time_s - state.force_s[layout.leader] > silent_s[layout.leader]:
+    elif not state.held_s and state.time_s - state.force_s[layout.leader] > silent_s[layout.leader]:
         notes.append("accelerometer: no sample: shape and steps of the contacts only")
     return notes
 
@@ -197,7 +197,8 @@ def _lost(state: State, layout: Layout) -> list[str]:
     notes = []
     if state.held_s:
         notes.append(
-            "pose held as it was: the inertial sensor of the leading bar is silent; it has to stand a while then"
+            "pose held as it was: the inertial sensor of the leading bar fell silent: once it reports, the robot has to "
+            "stand still for a second"
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")

@@ -87,6 +87,15 @@ def test_missing_streams_are_named():
     assert "cable lengths: no sample for 0.5 s" in later and "imu_green: no sample for 0.5 s" in later
 
 
+def test_without_accelerometer_a_bar_with_a_gyroscope_leads():
+    """The first bar led, which has none here: its pose was held from the start on, though two gyroscopes reported."""
+    two = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=False) for sensor in ROBOT.sensors[1:]))
+    estimator = RobotEstimator(two)
+    feed(estimator, standing_samples(two, 2.0)[1])
+    notes = estimator.state().health.notes
+    assert any("no accelerometer" in note for note in notes) and not any("pose held" in note for note in notes)
+
+
 @pytest.mark.parametrize("turn_rad", [0.0, 1.0, 2.5, -2.5])
 def test_every_accelerometer_shows_how_its_bar_is_turned_about_its_axis(turn_rad):
     """Cables on the axis do not show it, nor do endcaps in the air."""

@@ -64,14 +64,14 @@ class EndcapEstimate:
 
     Attributes:
         name: name of the endcap.
-        centre_m: (3,) centre of its sphere, world.
+        centre_m: (3,) centre of its sphere without load, world.
         covariance: (3, 3) covariance of the centre, m2.
         hold: probabilities of its contact's state.
-        contact_m: (3,) contact point, world.
+        contact_m: (3,) contact point on the support, world: the load has pressed the dome's sphere toward the bar.
         normal: (3,) unit, out of the support, world.
         normal_sd_rad: standard deviation of the normal's direction, rad.
-        force_n: (3,) force on the endcap, world axes.
-        friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as all after ``hold``.
+        force_n: (3,) force on the endcap, world axes; NaN without a reading.
+        friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as contact and normal.
     """
 
     name: str
@@ -93,7 +93,8 @@ class Health:
     Attributes:
         lengths_consistency, anchors_consistency: fading mean of squared innovations over their variances: below 1 for a
             correct model, since variances contain errors that stay, too.
-        weight_ratio: fading mean of the vertical forces' sum over the weight; NaN while the robot accelerates.
+        weight_ratio: fading mean of the vertical forces' sum over the weight, of times at which all endcaps report and
+            the robot does not accelerate; NaN before the first.
         rejected: number of rejected lengths in the last sample.
         ignored: number of samples with NaN, with impossible numbers, or too old, since the start.
         notes: one line for each fault or missing sensor.

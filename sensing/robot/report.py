@@ -126,8 +126,9 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
     if not (contact.touching and counts):
         return EndcapEstimate(name, centre, spread, hold, NAN_3, NAN_3, np.nan, force, np.nan, np.nan)
     normal = state.normal[endcap].copy()
+    pressed = state.anchor[endcap] if state.anchored[endcap] else centre  # its load has moved the sphere on the bar
     return EndcapEstimate(
-        name, centre, spread, hold, centre - layout.radius_m[endcap] * normal, normal,
+        name, centre, spread, hold, pressed - layout.radius_m[endcap] * normal, normal,
         float(np.sqrt(state.normal_variance[endcap])), force, contact.ratio, contact.ratio_sd,
     )  # fmt: skip
 

@@ -31,6 +31,8 @@ def test_it_stands_where_it_is():
         assert np.linalg.norm(bar.T_world_bar[:2, 3] - (pose[:3, 3] - centre)[:2]) < 0.02
     assert [endcap.hold.word for endcap in estimate.endcaps] == ["holds", "free"] * 3
     assert all(abs(endcap.normal[2] - 1) < 0.01 for endcap in estimate.endcaps[::2])
+    contacts_m = [endcap.contact_m[2] for endcap in estimate.endcaps[::2]]
+    assert abs(np.mean(contacts_m)) < 3e-3  # they are on the ground: domes yield by 10 mm
     assert estimate.health.good and abs(estimate.health.weight_ratio - 1) < 0.05
 
 

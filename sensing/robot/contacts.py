@@ -12,7 +12,7 @@ from sensing.robot.dome import DomeCentre, count_load, difference, dome_centre, 
 from sensing.robot.friction import learned, slip_probability
 from sensing.robot.jump import jumps
 from sensing.robot.layout import Layout
-from sensing.robot.measurement_kernels import correct, update_step
+from sensing.robot.measurement_kernels import update_step
 from sensing.robot.settings import Contacts, Settings
 from sensing.robot.slide import friction_axis, move_by_creep, slide
 from sensing.robot.state import MEAN_WEIGHT, State, world_rate
@@ -256,10 +256,7 @@ def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: 
         state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
     )
     state.consistency[1] += MEAN_WEIGHT * (float(found.mean()) - state.consistency[1])
-    correct(
-        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.delay_s, state.creep, state.softness, layout.leader,
-    )  # fmt: skip
+    state.correct(change)
 
 
 def _update_weight_ratio(state: State, layout: Layout) -> None:

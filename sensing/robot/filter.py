@@ -16,7 +16,7 @@ from sensing.robot.history import AnySample
 from sensing.robot.inertial import used_over_step
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
-from sensing.robot.measurement_kernels import correct, length_slopes, update_step
+from sensing.robot.measurement_kernels import length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
 from sensing.robot.silence import hold, lead, leading, unmeasured, watch
 from sensing.robot.state import MEAN_WEIGHT, SILENT_S, State
@@ -223,7 +223,7 @@ class Filter:
         if len(taken):
             state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
         state.lengths_s = state.time_s
-        apply(state, change, layout.leader)
+        state.correct(change)
 
     def _loosen(self, state: State) -> None:
         """Increase the covariance of the shape where the lengths no longer fit it."""
@@ -247,17 +247,3 @@ def _misfits(ratio: Array, again: bool) -> bool:
 def _root_mean_square(rate: Array) -> float:
     """Root mean square of angular velocities (n, 3), rad/s."""
     return float(np.sqrt((rate**2).sum() / len(rate)))
-
-
-def apply(state: State, change: Array, leader: int) -> None:
-    """Add a correction to the state.
-
-    Args:
-        state: state that is changed.
-        change: (N,) correction of the error state.
-        leader: number of the bar whose rotation the errors of positions refer to.
-    """
-    correct(
-        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.delay_s, state.creep, state.softness, leader,
-    )  # fmt: skip

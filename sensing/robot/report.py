@@ -198,8 +198,8 @@ def _lost(state: State, layout: Layout) -> list[str]:
     notes = []
     if state.held_s:
         notes.append(
-            "pose held as it was: the inertial sensor of the leading bar fell silent: once it reports, the robot has to "
-            "stand still for a second"
+            "pose held as it was: the inertial sensor of the leading bar fell silent: once it reports, the robot has "
+            "to stand still for a second"
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")

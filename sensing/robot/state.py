@@ -11,6 +11,7 @@ import numpy as np
 from sensing.robot.contact import Contact
 from sensing.robot.friction import FIRST
 from sensing.robot.layout import Layout
+from sensing.robot.measurement_kernels import correct
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import Array
 
@@ -132,6 +133,13 @@ class State:
             if isinstance(value, np.ndarray | list):
                 setattr(other, entry.name, value.copy())
         return other
+
+    def correct(self, change: Array) -> None:
+        """Add a correction (N,) of the error state."""
+        correct(
+            change, self.turn, self.place, self.velocity, self.rate_bias, self.force_bias, self.anchor, self.normal,
+            self.delay_s, self.creep, self.softness, self.leader,
+        )  # fmt: skip
 
 
 def empty_state(layout: Layout, time_s: float) -> State:

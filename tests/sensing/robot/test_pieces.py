@@ -229,7 +229,9 @@ def leaning_state():
         [0.6, 0.0, 0.8],
         [0.3, -0.1, -0.4],
     )
-    return state, contact_of(sample, 0, LAYOUT, Settings())
+    contact = contact_of(sample, 0, LAYOUT, Settings())
+    count_load(state, 0, contact, True, LAYOUT)
+    return state, contact
 
 
 @pytest.mark.parametrize(("name", "at"), [("delay_s", LAYOUT.delay), ("softness", LAYOUT.softness)])
@@ -263,7 +265,6 @@ def test_a_dome_is_pressed_as_fast_as_its_own_centre_nears_the_ground():
 def test_a_load_teaches_softness_where_it_differs_by_more_than_two_readings_errors(sds, counts):
     """Three deviations of a difference, whose variance is that of both."""
     state, contact = leaning_state()
-    count_load(state, 0, contact, True, LAYOUT)
     before, unit = state.load_n[0].copy(), contact.force_n / np.linalg.norm(contact.force_n)
     along = state.normal[0] @ state.turn[int(LAYOUT.endcap_bar[0])]
     heavier = replace(contact, force_n=contact.force_n + sds * 1e-2 * unit / (along @ unit))

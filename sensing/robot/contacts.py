@@ -38,12 +38,8 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
     """
     contact = contact_of(sample, endcap, layout, settings)
     since = state.time_s - state.contact_s[endcap]
-    state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
+    hear(state, endcap, contact)
     _update_weight_ratio(state, layout)
-    if contact.known or contact.touching is False:
-        state.astray_s[endcap] = np.nan
-    elif contact.touching and np.isnan(contact.push_n) and np.isfinite(contact.force_n).all():
-        state.astray_s[endcap] = np.fmin(state.astray_s[endcap], state.time_s)
     if settings.contacts is Contacts.NONE:
         return
     if settings.contacts in (Contacts.BIT_FIXED, Contacts.BIT_ROLLING):
@@ -53,6 +49,19 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
             state.contact_s[endcap] = state.time_s
     elif contact.touching is False or np.isfinite(contact.push_n) or since > LONGEST_GAP_S:
         release(state, endcap, layout)
+
+
+def hear(state: State, endcap: int, contact: Contact) -> None:
+    """Record a reading of an endcap, and since when its readings have shown no contact.
+
+    Args:
+        state: state at the time of the reading; it is changed.
+        endcap: number of the endcap.
+        contact: contact by the reading.
+    """
+    state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
+    shows = contact.touching is False or np.isfinite(contact.push_n)
+    state.astray_s[endcap] = np.nan if shows else np.fmin(state.astray_s[endcap], state.time_s)
 
 
 def release(state: State, endcap: int, layout: Layout) -> None:

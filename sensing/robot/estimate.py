@@ -37,7 +37,7 @@ class BarEstimate:
 
 @dataclass(frozen=True)
 class Hold:
-    """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading.
+    """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading that shows it.
 
     Attributes:
         holds: the endcap touches and stays.

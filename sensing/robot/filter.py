@@ -98,8 +98,7 @@ class Filter:
                 state.lengths_s = time_s
             elif isinstance(sample, FootSample):
                 endcap = self._endcap_of[sample.endcap]
-                state.contacts[endcap] = contact_of(sample, endcap, self.layout, self.settings)
-                state.reading_s[endcap] = time_s
+                contacts.hear(state, endcap, contact_of(sample, endcap, self.layout, self.settings))
 
     def predict(self, state: State, time_s: float, samples: Sequence[InertialSample]) -> None:
         """Predict step to a time.

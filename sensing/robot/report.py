@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensing.robot.between import extrapolate, rate_walk
+from sensing.robot.contact import Contact
 from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
 from sensing.robot.friction import moments
@@ -25,11 +26,11 @@ WEIGHT_OFF = 0.5  # relative error of the sum of forces against the weight from 
 SOFTNESS_OFF = 3.0  # in Settings.softness_sd; no silicone differs by more: noise of the forces is taken for it
 SLOW_S = 1 / 12  # E: s between samples of an inertial sensor from which a note is made (docs/robot_accuracy.md)
 SILENT_LENGTHS_S = 0.2  # s without lengths from which a note is made
-ASTRAY_S = 1.0  # E: s; shorter times with wrenches of no contact on the dome occur when two supports touch at once
+ASTRAY_S = 1.0  # E: s; shorter times without a contact occur when two supports touch at once, or in one odd picture
 LOST_M_S = 1.0  # standard deviation of the velocity from which a note is made
 ANEW_S = 10.0  # s in which a note states that the estimate began again
 NAN_3 = np.full(3, np.nan)  # vector without a value
-UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)  # probabilities of an endcap without a reading
+UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)  # probabilities of an endcap without a reading that shows its contact
 
 
 def report_of(
@@ -120,9 +121,10 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
     old = state.time_s - state.reading_s[endcap] > LONGEST_GAP_S
     if contact is None or contact.touching is None or old:
         return EndcapEstimate(name, centre, spread, UNKNOWN, NAN_3, NAN_3, np.nan, NAN_3, np.nan, np.nan)
-    hold = _hold(state, endcap, bar, bool(contact.touching), layout)
-    force = state.turn[bar] @ contact.force_n
     counts = bool(state.anchored[endcap]) or (contact.known and settings.contacts is Contacts.NONE)
+    shows = counts or not contact.touching or np.isfinite(contact.push_n)  # else nothing says whether it slips
+    hold = _hold(state, endcap, bar, bool(contact.touching), layout) if shows else UNKNOWN
+    force = state.turn[bar] @ contact.force_n
     if not (contact.touching and counts):
         return EndcapEstimate(name, centre, spread, hold, NAN_3, NAN_3, np.nan, force, np.nan, np.nan)
     normal = state.normal[endcap].copy()
@@ -149,11 +151,8 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
     for number, endcap in enumerate(layout.robot.endcaps):
         if (since := state.time_s - state.reading_s[number]) > LONGEST_GAP_S:
             notes.append(f"{endcap.name}: no reading {_since(since)}")
-        elif state.time_s - state.astray_s[number] > ASTRAY_S:
-            notes.append(
-                f"{endcap.name}: its force and torque are of no contact on its dome: check the torque's unit, and that "
-                "it is about the centre of the mating plane"
-            )
+        elif (since := state.time_s - state.astray_s[number]) > ASTRAY_S:
+            notes.append(f"{endcap.name}: {_astray(state.contacts[number], since)}")
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
@@ -170,6 +169,16 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
             "noisier than they state: heights of contacts may be off by more than their covariance says"
         )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
+
+
+def _astray(contact: Contact | None, since_s: float) -> str:
+    """What readings of an endcap that show no contact lack."""
+    if contact is None or not np.isfinite(contact.force_n).all():
+        return f"no valid force {_since(since_s)}: where it is and whether it holds is not measured"
+    return (
+        "its force and torque are of no contact on its dome: check their units, and that the torque is about the "
+        "centre of the mating plane"
+    )
 
 
 def _of_inertial(state: State, layout: Layout) -> list[str]:

@@ -142,6 +142,22 @@ def test_wrenches_of_no_contact_on_the_dome_are_named():
     assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]
 
 
+@pytest.mark.parametrize("touching", [None, True])
+def test_readings_without_numbers_are_named(touching):
+    """Of an endcap whose pictures show nothing, health was good, and with a contact bit it was said to hold."""
+    estimator = RobotEstimator(ROBOT)
+    for sample in standing_samples(ROBOT, 3.2, rate_hz=100.0, every=5)[1]:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0" and sample.time_s > 2.0:
+            nothing = np.full(3, np.nan)
+            sample = replace(sample, force_n=nothing, torque_nm=nothing, touching=touching)
+        feed(estimator, [sample])
+        if sample.time_s == pytest.approx(2.9):  # a second is no fault yet
+            assert estimator.state().health.good
+    estimate = estimator.state()
+    assert [note for note in estimate.health.notes if note.startswith("endcap_0: no valid force for 1.1 s")]
+    assert [endcap.hold.word for endcap in estimate.endcaps] == ["unknown", "free", *["holds", "free"] * 2]
+
+
 def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
     """sensor_msgs/Imu has -1 as the first covariance of what is not measured; its zeros were taken for a rate."""
     sample = InertialSample(1.0, "imu_red", np.zeros(3), np.array([0.0, 0.0, 9.81]))

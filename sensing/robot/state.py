@@ -56,8 +56,8 @@ class State:
         load_n: (E, 3) normal force by which the softness is learned, world, N; NaN before the first
             (:func:`sensing.robot.dome.count_load`).
         jumped: (E,) whether the last reading was left out because it jumped (:mod:`sensing.robot.jump`).
-        astray_s: (E,) time since which an endcap's readings show no contact, s: they hold no numbers, or wrenches of none
-            on its dome; NaN for one whose readings do.
+        astray_s: (E,) time since which an endcap's readings show no contact, s: they hold no numbers, or wrenches of
+            none on its dome; NaN for one whose readings do.
         contacts: last contact of each endcap.
         friction: (59,) probabilities of the coefficients.
         consistency: (2,) fading means of squared innovations over their variances, of lengths and of anchors.

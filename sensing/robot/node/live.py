@@ -6,8 +6,8 @@
     /NAME/wrench                    geometry_msgs/WrenchStamped any other sensor's: on the endcap, in its frame
 
 A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
-:mod:`sensing.robot.contact`, and the force determines the contact. Plain wrenches are used only while none with
-covariance comes. Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic
+:mod:`sensing.robot.contact`, and the force determines the contact. Plain wrenches are used until one with
+covariance has come. Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic
 clock, which also times pictures. A topic with another clock is reported; stamps far from now are left out. Topics are
 volatile, and reliable unless a publisher offers best effort alone, as drivers of inertial sensors do.
 """

@@ -104,7 +104,8 @@ class RobotEstimator:
         """Estimate of the robot at a time; None before the start.
 
         Args:
-            at: time, s; None for that of the newest sample. A later time is predicted with the last rates.
+            at: time, s; None for that of the newest sample. A later time is predicted with the last rates, over at most
+                ``Settings.history_s``.
 
         Raises:
             ParameterError: a time that is not finite, or before the history that is kept.

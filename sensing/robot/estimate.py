@@ -24,7 +24,8 @@ class BarEstimate:
         velocity_m_s: (3,) velocity of the bar's origin, world axes.
         rate_rad_s: (3,) angular velocity, world axes.
         covariance: (9, 9) covariance of origin, rotation (rotation vector in world axes) and velocity.
-        rate_covariance: (3, 3) covariance of the angular velocity.
+        rate_covariance: (3, 3) covariance of the angular velocity, with the error of the turn to the world.
+        bar_rate_covariance: (3, 3) covariance of the angular velocity in the bar's axes, as its gyroscope measures it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class BarEstimate:
     rate_rad_s: Array
     covariance: Array
     rate_covariance: Array
+    bar_rate_covariance: Array
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,10 @@ def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstim
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
     covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
-    covariance[6:, 6:] += _rate_variance(state, bar, settings) * across @ across.T
-    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
+    variance, bias = _rate_variance(state, bar, settings), layout.rate_bias(bar)
+    covariance[6:, 6:] += variance * across @ across.T
+    in_bar = state.covariance[bias, bias] + variance * np.eye(3)
+    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate, in_bar)
 
 
 def _fell_silent(state: State, bar: int) -> bool:

@@ -125,7 +125,7 @@ def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # a rotation error changes these axes
     twist_covariance = np.zeros((6, 6))
     twist_covariance[:3, :3] = slopes @ bar.covariance[3:, 3:] @ slopes.T
-    twist_covariance[3:, 3:] = R.T @ bar.rate_covariance @ R
+    twist_covariance[3:, 3:] = bar.bar_rate_covariance
     message = types[ODOMETRY](
         header=ros.header(stamp_ns, WORLD), child_frame_id=f"bar_{bar.name}",
         pose=types["geometry_msgs/msg/PoseWithCovariance"](

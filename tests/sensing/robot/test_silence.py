@@ -120,6 +120,8 @@ def test_while_the_pose_is_held_a_bar_turns_as_fast_as_its_gyroscope_says():
         bar = estimate.bars[robot.bar_number(sensor.bar)]
         turned = sensor.T_bar_imu[:3, :3].T @ bar.T_world_bar[:3, :3].T @ bar.rate_rad_s
         assert turned == pytest.approx(rate, abs=0.02)
+        assert np.trace(bar.rate_covariance) > 0.1  # nobody knows in which direction, beside the bar itself:
+        assert np.trace(bar.bar_rate_covariance) < 0.01**2
 
 
 def test_what_begins_anew_is_finite_between_its_first_samples():

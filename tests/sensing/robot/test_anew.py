@@ -118,3 +118,18 @@ def test_a_start_without_gyroscopes_is_made_again_once_they_report():
     assert any(note.startswith(f"begun without {names}:") for note in found[4.0].health.notes)
     assert not any(note.startswith("begun without") for note in found[5.5].health.notes)
     assert worst_turn_deg(found[5.5], poses) < 6
+
+
+def test_a_start_while_a_hand_held_the_robot_is_made_again():
+    """It stayed 20 to 40 degrees off for good, and said so for good."""
+    poses, samples = standing_samples(ROBOT, 8.5, rate_hz=100.0)
+    estimator, held = RobotEstimator(ROBOT), None
+    for sample in samples:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0" and sample.time_s < 3.0:
+            sample = replace(sample, force_n=sample.force_n + 40.0 * np.eye(3)[0])
+        feed(estimator, [sample])
+        held = estimator.state() if sample.time_s == 3.0 else held
+    last = estimator.state()
+    assert any("in no balance" in note for note in held.health.notes) and worst_turn_deg(held, poses) > 10
+    assert [note for note in last.health.notes if not note.startswith("begun anew while it stood")] == []
+    assert worst_turn_deg(last, poses) < 6

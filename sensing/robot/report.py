@@ -231,7 +231,10 @@ def _begun(state: State, layout: Layout) -> list[str]:
     """What was missing as the estimate began."""
     notes = []
     if state.began_moving:
-        notes.append("begun while the robot moved: its shape may be wrong until it has stood still for a second")
+        notes.append(
+            "begun while the robot moved, or a gyroscope was off by over 0.1 rad/s: its shape may be wrong until it "
+            "has stood still for a second"
+        )
     if state.began_silent:
         names = ", ".join(layout.robot.endcaps[endcap].name for endcap in state.began_silent)
         notes.append(

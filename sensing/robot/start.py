@@ -33,7 +33,8 @@ ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest
 ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates, over the start, of a bar that only rocks
 LENGTHS_IN_S = 0.1  # E: s in which the first lengths of a start have to come
 QUIET_M = 0.006  # E: difference of the lengths' means over the two halves of the start
-STILL_RATE = 0.05  # rad/s; a gyroscope that measures more at the start is not at rest
+# A gyroscope that measures more at the start is not at rest, rad/s, unless its rate is steady, about each axis, rad/s.
+STILL_RATE, STEADY_RATE = 0.05, 0.01
 ROCKS = 0.1  # E: error of a mean rate over the spread of the rates, since the robot rocks as the start ends
 ROCKS_TURN = 0.5  # E: error of a bar's last rotation over the spread of the rotations, while it rocks
 SPEED_SD = 0.01  # m/s, standard deviation at rest
@@ -223,11 +224,11 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     state.turn = np.ascontiguousarray(poses[:, :3, :3])
     state.place = np.ascontiguousarray(poses[:, :3, 3] + np.einsum("bij,bj->bi", state.turn, layout.reference_m))
     counted = np.maximum(gathered.counts[:, :1], 1)
-    still = stands & (gathered.squares <= STILL_RATE**2 * counted[:, 0])
-    mean = gathered.rate / counted
+    mean, square = gathered.rate / counted, gathered.squares / counted[:, 0]
+    spread_rate = np.sqrt(np.maximum(0.0, square - (mean**2).sum(axis=1)) / 3)
+    still = stands & ((square <= STILL_RATE**2) | (spread_rate <= STEADY_RATE))
     state.rate_bias = np.where(still[:, None], mean, 0.0)
     _heard(state, gathered)
-    spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)

@@ -176,6 +176,21 @@ def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
     assert np.sqrt(estimate.bars[0].covariance[3, 3]) > MOVES_RAD / 2  # the readings since have narrowed it
 
 
+@pytest.mark.parametrize("off_rad_s", [0.04, 0.06, 0.09])
+def test_a_steady_rate_of_a_robot_that_stands_is_a_bias(off_rad_s):
+    """From 0.05 rad/s (3 degrees/s, as many sensors have) it was none: bars turned by 20 degrees in ten seconds."""
+    estimator, found = RobotEstimator(ROBOT), []
+    for sample in standing_samples(ROBOT, 6.5, rate_hz=100.0)[1]:
+        if isinstance(sample, InertialSample):
+            sample = replace(sample, rate_rad_s=sample.rate_rad_s + off_rad_s * np.array([0.6, 0.0, 0.8]))
+        feed(estimator, [sample])
+        if sample.time_s in (1.5, 6.0):
+            found.append(estimator.state())
+    assert found[-1].health.good
+    turns = [turn_between(a.T_world_bar, b.T_world_bar) for a, b in zip(found[-1].bars, found[0].bars, strict=True)]
+    assert np.degrees(np.linalg.norm(turns, axis=1)).max() < 3
+
+
 @pytest.mark.parametrize("late_s", [0.001, 0.003, 0.009])
 def test_whatever_sample_comes_first_after_the_start(late_s):
     """A reading between two inertial samples is no silence of the inertial sensor."""

@@ -84,6 +84,14 @@ def test_a_force_and_its_covariance_are_turned_into_the_bars_axes():
     assert found.force_covariance == pytest.approx(turn @ spread[:3, :3] @ turn.T)
 
 
+@pytest.mark.parametrize("unknown", [0.0, -1.0, np.nan])
+def test_a_covariance_that_says_nothing_counts_as_none(unknown):
+    """With zeros, as messages have them that nobody filled, every noise of a force taught softness."""
+    found, none = (under([1.0, 2.0, -30.0], np.eye(6) * value) for value in (unknown, np.nan))
+    assert found.force_covariance == pytest.approx(none.force_covariance) and found.normal_sd == none.normal_sd
+    assert np.diag(found.force_covariance).min() > 0.04
+
+
 @pytest.mark.parametrize(("force_n", "said", "touches"), [(1.0, None, False), (2.0, None, True), (1.0, True, True)])
 def test_a_sample_without_a_contact_bit_touches_from_the_least_force_on(force_n, said, touches):
     found = under([0.0, 0.0, -force_n], touching=said)

@@ -106,8 +106,9 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
     if kind == ros.WRENCH:
         return FootSample(time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque))
     touching = None if message.contact == CONTACT_UNKNOWN else message.contact == CONTACT_TOUCHING
+    counts = 1.0 if message.valid else np.nan  # zeros of one that is not valid would mean that the endcap is free
     return FootSample(
-        time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque),
+        time_s, message.header.frame_id, counts * _three(message.wrench.force), _three(message.wrench.torque),
         np.array(message.covariance, float).reshape(6, 6), touching, frozenset(message.flags),
     )  # fmt: skip
 

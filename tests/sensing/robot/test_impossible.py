@@ -142,6 +142,15 @@ def test_wrenches_of_no_contact_on_the_dome_are_named():
     assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]
 
 
+def test_numbers_that_their_sender_calls_invalid_count_as_none():
+    """Zeros in them meant an endcap that touches nothing."""
+    sample = foot(force_n=0.0)
+    message = ros.decode(ros.ENDCAP_WRENCH, messages.sample_message(sample, (), 0)[1])
+    assert (messages.sample_from(ros.ENDCAP_WRENCH, message, 0).force_n == 0).all()
+    found = messages.sample_from(ros.ENDCAP_WRENCH, replace(message, valid=False), 0)
+    assert np.isnan(found.force_n).all() and found.touching is None
+
+
 @pytest.mark.parametrize("touching", [None, True])
 def test_readings_without_numbers_are_named(touching):
     """Of an endcap whose pictures show nothing, health was good, and with a contact bit it was said to hold."""

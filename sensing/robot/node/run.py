@@ -19,6 +19,7 @@ from cad.messages import LOG
 from sensing.live.core.sink import reason_of
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.layout import layout_of
 from sensing.robot.node.record import Report
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
@@ -81,8 +82,7 @@ class Way:
     def __init__(self, robot: TensegrityRobot) -> None:
         self._last, self._align = np.full(2, np.nan), np.eye(4)
         self._begun, self.path_m = False, 0.0
-        accelerated = [sensor.bar for sensor in robot.sensors if sensor.accelerometer]
-        self._leader = robot.bar_number(accelerated[0]) if accelerated else 0
+        self._leader = layout_of(robot).leader
 
     def report(self, estimate: RobotEstimate, truth: Array | None) -> Report:
         """The report of an estimate.

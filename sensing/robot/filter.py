@@ -95,7 +95,7 @@ class Filter:
                 bar = self._bar_of[sample.sensor]
                 state.rate[bar], state.rate_s[bar] = self.layout.sensor_turn[bar] @ sample.rate_rad_s, time_s
             elif isinstance(sample, LengthSample):
-                state.lengths_s = time_s
+                state.lengths_s[np.isfinite(sample.lengths_m)] = time_s
             elif isinstance(sample, FootSample):
                 endcap = self._endcap_of[sample.endcap]
                 contacts.hear(state, endcap, contact_of(sample, endcap, self.layout, self.settings))
@@ -208,9 +208,9 @@ class Filter:
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
         innovation = np.asarray(sample.lengths_m, float) - length
-        since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
+        since = np.clip(state.time_s - state.lengths_s, 1e-3, 1.0)
         spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
-        variance = np.full(len(length), spread) + measured_errors(state, slopes, layout, self.settings)
+        variance = spread + measured_errors(state, slopes, layout, self.settings)
         expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + variance
         misfits = _misfits(innovation**2 / expected, bool(state.rejected))
         if misfits:  # the steps were too long for straight lines, or the first shape was wrong
@@ -221,7 +221,7 @@ class Filter:
         taken = found[found >= 0]
         if len(taken):
             state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
-        state.lengths_s = state.time_s
+        state.lengths_s[found >= 0] = state.time_s
         state.correct(change)
 
     def _loosen(self, state: State) -> None:

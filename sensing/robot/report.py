@@ -147,9 +147,7 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
 
 
 def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings) -> Health:
-    notes = [*impossible, *_lost(state, layout), *_of_inertial(state, layout)]
-    if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
-        notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
+    notes = [*impossible, *_lost(state, layout), *_of_inertial(state, layout), *_of_cables(state, layout)]
     for number, endcap in enumerate(layout.robot.endcaps):
         if (since := state.time_s - state.reading_s[number]) > LONGEST_GAP_S:
             notes.append(f"{endcap.name}: no reading {_since(since)}")
@@ -181,6 +179,19 @@ def _astray(contact: Contact | None, since_s: float) -> str:
         "its force and torque are of no contact on its dome: check their units, and that the torque is about the "
         "centre of the mating plane"
     )
+
+
+def _of_cables(state: State, layout: Layout) -> list[str]:
+    """Which lengths do not come, or are left out again and again."""
+    since_s = state.time_s - state.lengths_s
+    if since_s.min() > SILENT_LENGTHS_S:
+        return [f"cable lengths: no sample {_since(float(since_s.min()))}: the shape drifts"]
+    names = [cable.name for cable in layout.robot.cables if cable.measured]
+    return [
+        f'cable "{name}": no length, or none that fits, {_since(silent_s)}'
+        for name, silent_s in zip(names, since_s.tolist(), strict=True)
+        if silent_s > SILENT_LENGTHS_S
+    ]
 
 
 def _of_inertial(state: State, layout: Layout) -> list[str]:

@@ -172,7 +172,9 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, _of_place(held, layout), layout)
     state.friction, state.anew_s = held.friction.copy(), state.time_s
-    state.lengths_s, state.reading_s, state.contacts = held.lengths_s, held.reading_s.copy(), held.contacts.copy()
+    state.lengths_s, state.reading_s, state.contacts = (
+        held.lengths_s.copy(), held.reading_s.copy(), held.contacts.copy()
+    )  # fmt: skip
     if doubtful(held):  # values learned with a wrong shape are wrong, too
         return
     state.delay_s, state.creep, state.softness = held.delay_s.copy(), held.creep.copy(), held.softness.copy()

@@ -52,7 +52,7 @@ class State:
         rate_used, force_used: (B, 3) integrals of the used values since the last samples.
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
-        lengths_s: time of the last lengths, s.
+        lengths_s: (C,) time of the last length of each measured cable that was not left out, s.
         load_n: (E, 3) normal force by which the softness is learned, world, N; NaN before the first
             (:func:`sensing.robot.dome.count_load`).
         jumped: (E,) whether the last reading was left out because it jumped (:mod:`sensing.robot.jump`).
@@ -109,7 +109,7 @@ class State:
     astray_s: Array
     load_n: Array
     jumped: np.ndarray
-    lengths_s: float
+    lengths_s: Array
     contacts: list[Contact | None]
     friction: Array
     consistency: Array
@@ -161,7 +161,8 @@ def empty_state(layout: Layout, time_s: float) -> State:
         silent_after_s=np.full(bars, SILENT_S), rate_over_s=np.full(bars, np.inf),
         rate_change=np.zeros(bars), force_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
-        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
+        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool),
+        lengths_s=np.full(len(layout.cable_bars), never),
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps, leader=layout.leader,
     )  # fmt: skip

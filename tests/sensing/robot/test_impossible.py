@@ -84,6 +84,7 @@ def test_one_impossible_length_counts_as_missing():
             ],
         )
         taken.append(estimator.state())
+    assert 'cable "green-blue second": no length, or none that fits, yet' in taken[0].health.notes
     for estimate in taken[1:]:
         assert (estimate.bars[1].T_world_bar == taken[0].bars[1].T_world_bar).all()
         assert 'cable "' in estimate.health.notes[0] and estimate.health.ignored == 0

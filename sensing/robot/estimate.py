@@ -94,7 +94,8 @@ class Health:
 
     Attributes:
         lengths_consistency, anchors_consistency: fading mean of squared innovations over their variances: below 1 for a
-            correct model, since variances contain errors that stay, too.
+            correct model, since variances contain errors that stay, too; that of anchors begins at 1 again once they
+            have contradicted place and velocity.
         weight_ratio: fading mean of the vertical forces' sum over the weight, of times at which all endcaps report and
             the robot does not accelerate; NaN before the first.
         rejected: number of rejected lengths in the last sample.

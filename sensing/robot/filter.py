@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensing.robot import contacts
-from sensing.robot.between import measured_errors, settle
+from sensing.robot.between import measured_errors, settle, turn_slopes
 from sensing.robot.contact import contact_of
 from sensing.robot.history import AnySample
 from sensing.robot.inertial import used_over_step
@@ -18,8 +18,8 @@ from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import hold, lead, leading, unmeasured, watch
-from sensing.robot.state import MEAN_WEIGHT, SILENT_S, State
+from sensing.robot.silence import give_up, hold, lead, leading, unmeasured, watch
+from sensing.robot.state import INCONSISTENT, MEAN_WEIGHT, SILENT_S, State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -27,6 +27,7 @@ LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
+LOST_RAD, LOST_M_S, LOST_M = 0.1, 1.0, 0.2  # E: standard deviations added once contacts contradict the motion
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 
 
@@ -75,6 +76,8 @@ class Filter:
                 contacts.take(state, self._endcap_of[sample.endcap], sample, layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
+        if state.consistency[1] > INCONSISTENT:
+            self._loosen_motion(state)
 
     def led(self, state: State) -> Layout:
         """The layout with the leading bar of a state.
@@ -231,6 +234,27 @@ class Filter:
                 turn, place = self.layout.turn(bar), self.layout.place(bar)
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
+
+    def _loosen_motion(self, state: State) -> None:
+        """Increase the covariance of pose and velocity once contacts contradict them.
+
+        One broken sample of an inertial sensor gives a velocity of which the covariance does not know; anchors would
+        begin anew wherever the robot flies by, for ever. What it has moved meanwhile is a shift of robot and anchors.
+        Where that does not help and lengths do not fit either, linear steps would diverge: the pose is held.
+        """
+        if state.lost and state.consistency[0] > INCONSISTENT:
+            give_up(state)
+        layout, larger = self.led(state), float(state.consistency[1]) / INCONSISTENT
+        shift = np.zeros((layout.size, 3))
+        shift[3 * layout.bars : 6 * layout.bars] = np.tile(np.eye(3), (layout.bars, 1))
+        for bar in range(layout.bars):
+            slopes, velocity = turn_slopes(state, bar, layout), layout.velocity(bar)
+            state.covariance += (0.0 if state.lost else LOST_RAD**2) * slopes @ slopes.T
+            state.covariance[velocity, velocity] += larger * LOST_M_S**2 * np.eye(3)
+        for endcap in np.flatnonzero(state.anchored):
+            shift[layout.anchor(int(endcap))] = np.eye(3)
+        state.covariance += larger * LOST_M**2 * shift @ shift.T
+        state.consistency[1], state.lost = 1.0, True
 
 
 def _misfits(ratio: Array, again: bool) -> bool:

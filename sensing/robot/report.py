@@ -15,13 +15,12 @@ from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import point_slopes
 from sensing.robot.settings import Contacts, Settings
 from sensing.robot.silence import UNSEEN_S
-from sensing.robot.state import SILENT_S, State, world_rate
+from sensing.robot.state import INCONSISTENT, SILENT_S, State, world_rate
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import cross, minus_cross
 
 ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre at which rolling begins; spread
 WRONG_BIT = 0.02  # E: probability that the contact bit is wrong
-INCONSISTENT = 4.0  # mean squared innovation over its variance from which a note is made
 WEIGHT_OFF = 0.5  # relative error of the sum of forces against the weight from which a note is made
 SOFTNESS_OFF = 3.0  # in Settings.softness_sd; no silicone differs by more: noise of the forces is taken for it
 SLOW_S = 1 / 12  # E: s between samples of an inertial sensor from which a note is made (docs/robot_accuracy.md)
@@ -156,8 +155,6 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
-    if anchors > INCONSISTENT:
-        notes.append(f"contacts are off by {anchors**0.5:.1f} times what is expected")
     if abs(state.weight_ratio - 1) > WEIGHT_OFF:
         notes.append(
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
@@ -220,12 +217,17 @@ def _lost(state: State, layout: Layout) -> list[str]:
     notes = []
     if state.held_s:
         notes.append(
-            "pose held as it was: the inertial sensor of the leading bar fell silent: once it reports, the robot has "
-            "to stand still for a second"
+            "pose held as it was: the inertial sensor of the leading bar fell silent, or contacts contradicted it: "
+            "once it reports, the robot has to stand still for a second"
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")
     notes += _begun(state, layout)
+    if state.lost:
+        notes.append(
+            "contacts contradicted place and velocity, as after a broken inertial sample: these and the shape are less "
+            "certain, until the robot has stood still for a second"
+        )
     if state.unseen_s >= UNSEEN_S:
         notes.append(
             f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "

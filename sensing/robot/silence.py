@@ -113,7 +113,7 @@ def doubtful(state: State) -> bool:
     lands = state.began_lifted and any(one is not None and one.known and one.touching for one in state.contacts)
     lacked = bool(state.began_silent or state.began_unmeasured)
     tries = state.began_unbalanced and state.time_s - state.anew_s > TRIED_S
-    return state.began_moving or lands or tries or state.unseen_s >= UNSEEN_S or (lacked and heard)
+    return state.began_moving or lands or tries or state.lost or state.unseen_s >= UNSEEN_S or (lacked and heard)
 
 
 def pauses(state: State) -> bool:
@@ -124,6 +124,16 @@ def pauses(state: State) -> bool:
     """
     since = state.time_s - state.rate_s
     return bool(((since > state.silent_after_s) & (since < GONE_S)).any())
+
+
+def give_up(state: State) -> None:
+    """Let all inertial sensors count as silent for long, so that the pose is held until the robot has stood still.
+
+    Args:
+        state: state that is changed.
+    """
+    state.rate_s = np.minimum(state.rate_s, state.time_s - GONE_S)
+    state.force_s = np.minimum(state.force_s, state.time_s - GONE_S)
 
 
 def hold(state: State, time_s: float, layout: Layout) -> None:

@@ -17,6 +17,7 @@ from sensing.tensegrity.description import Array
 
 SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used, unless it is a slow one
 MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
+INCONSISTENT = 4.0  # mean squared innovation over its variance that contradicts the estimate
 
 
 @dataclass
@@ -72,6 +73,7 @@ class State:
         began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
         unseen_s: time for which several gyroscopes were silent at once, s.
+        lost: whether contacts have contradicted place and velocity.
         leader: number of the leading bar, to whose rotation the errors of positions refer.
     """
 
@@ -124,6 +126,7 @@ class State:
     began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
+    lost: bool = False
     leader: int = 0
 
     def copy(self) -> Self:

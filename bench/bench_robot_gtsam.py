@@ -156,7 +156,7 @@ def estimate_of(found: Any, walk: Walk, robot: TensegrityRobot, sensor: Inertial
     move = base @ np.linalg.inv(truth[leader] @ sensor.T_bar_imu)
     none, unknown = np.full(3, np.nan), np.full((9, 9), np.nan)
     bars = tuple(
-        BarEstimate(bar.name, move @ pose, none, none, unknown, unknown[:3, :3])
+        BarEstimate(bar.name, move @ pose, none, none, unknown, unknown[:3, :3], unknown[:3, :3])
         for bar, pose in zip(robot.bars, truth, strict=True)
     )
     time_s, nan = float(walk.time_s[row]), float("nan")

@@ -45,7 +45,8 @@ def estimates(walk, move=None, off=None) -> list[RobotEstimate]:
             seen = (np.eye(4) if move is None else move) @ pose
             if off is not None and row:
                 seen = off @ seen
-            bars.append(BarEstimate(bar.name, seen, np.zeros(3), np.zeros(3), np.diag([1e-4] * 9), np.eye(3)))
+            none, unknown = np.zeros(3), np.eye(3)
+            bars.append(BarEstimate(bar.name, seen, none, none, np.diag([1e-4] * 9), unknown, unknown))
         found.append(
             RobotEstimate(
                 float(walk.time_s[row]),

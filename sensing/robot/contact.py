@@ -96,7 +96,7 @@ def contact_of(sample: FootSample, endcap: int, layout: Layout, settings: Settin
     about = np.array([*force, torque[0] + height * force[1], torque[1] - height * force[0], torque[2]])
     value, slopes = line_of_action_slopes(about, float(layout.radius_m[endcap]), settings.spin_lever_m)
     covariance = np.array(sample.covariance, float)
-    if not np.isfinite(covariance).all():
+    if not (np.isfinite(covariance).all() and (np.diag(covariance) > 0).all()):  # 0 and -1: unknown, as in ROS
         covariance = np.diag([(FORCE_SD_N + SHARE * size) ** 2] * 3 + [(TORQUE_SD_NM + LEVER_SHARE_M * size) ** 2] * 3)
     lever = np.eye(6)
     lever[3, 1], lever[4, 0] = height, -height

@@ -12,7 +12,7 @@ from sensing.robot.dome import DomeCentre, count_load, difference, dome_centre, 
 from sensing.robot.friction import learned, slip_probability
 from sensing.robot.jump import jumps
 from sensing.robot.layout import Layout
-from sensing.robot.measurement_kernels import correct, update_step
+from sensing.robot.measurement_kernels import update_step
 from sensing.robot.settings import Contacts, Settings
 from sensing.robot.slide import friction_axis, move_by_creep, slide
 from sensing.robot.state import MEAN_WEIGHT, State, world_rate
@@ -38,12 +38,8 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
     """
     contact = contact_of(sample, endcap, layout, settings)
     since = state.time_s - state.contact_s[endcap]
-    state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
+    hear(state, endcap, contact)
     _update_weight_ratio(state, layout)
-    if contact.known or contact.touching is False:
-        state.astray_s[endcap] = np.nan
-    elif contact.touching and np.isnan(contact.push_n) and np.isfinite(contact.force_n).all():
-        state.astray_s[endcap] = np.fmin(state.astray_s[endcap], state.time_s)
     if settings.contacts is Contacts.NONE:
         return
     if settings.contacts in (Contacts.BIT_FIXED, Contacts.BIT_ROLLING):
@@ -53,6 +49,19 @@ def take(state: State, endcap: int, sample: FootSample, layout: Layout, settings
             state.contact_s[endcap] = state.time_s
     elif contact.touching is False or np.isfinite(contact.push_n) or since > LONGEST_GAP_S:
         release(state, endcap, layout)
+
+
+def hear(state: State, endcap: int, contact: Contact) -> None:
+    """Record a reading of an endcap, and since when its readings have shown no contact.
+
+    Args:
+        state: state at the time of the reading; it is changed.
+        endcap: number of the endcap.
+        contact: contact by the reading.
+    """
+    state.contacts[endcap], state.reading_s[endcap] = contact, state.time_s
+    shows = contact.touching is False or np.isfinite(contact.push_n)
+    state.astray_s[endcap] = np.nan if shows else np.fmin(state.astray_s[endcap], state.time_s)
 
 
 def release(state: State, endcap: int, layout: Layout) -> None:
@@ -256,10 +265,7 @@ def _hold(state: State, endcap: int, centre: DomeCentre, axes: Array, variance: 
         state.covariance, np.ascontiguousarray(axes @ slopes), axes @ innovation, variance, np.inf, found
     )
     state.consistency[1] += MEAN_WEIGHT * (float(found.mean()) - state.consistency[1])
-    correct(
-        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.delay_s, state.creep, state.softness, layout.leader,
-    )  # fmt: skip
+    state.correct(change)
 
 
 def _update_weight_ratio(state: State, layout: Layout) -> None:

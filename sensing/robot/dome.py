@@ -66,7 +66,7 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     another moment differs by k d' for each second.
 
     Args:
-        state: state with its velocities and the contact's normal.
+        state: state with its velocities, the contact's normal and its load (:func:`count_load`).
         endcap: number of the endcap.
         contact: contact with its force.
         layout, settings: indices and assumptions of the estimator.
@@ -80,10 +80,7 @@ def dome_centre(state: State, endcap: int, contact: Contact, layout: Layout, set
     late_s = delay_s * np.outer(normal, normal)
     spread = state.covariance[layout.velocity(bar), layout.velocity(bar)]
     teaches = abs(leaves) > TEACHES * math.sqrt(max(0.0, float(normal @ spread @ normal)))
-    load = state.load_n[endcap]
-    if np.isnan(load[0]):
-        load = normal * float(normal @ (state.turn[bar] @ contact.force_n))
-    softens = layout.compliance_m_n(endcap, settings) * load
+    softens = layout.compliance_m_n(endcap, settings) * state.load_n[endcap]
     return DomeCentre(lever + (1 + state.softness[0]) * yields + late, softens, late_s, teaches * leaves * normal)
 
 

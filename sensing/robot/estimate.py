@@ -24,7 +24,8 @@ class BarEstimate:
         velocity_m_s: (3,) velocity of the bar's origin, world axes.
         rate_rad_s: (3,) angular velocity, world axes.
         covariance: (9, 9) covariance of origin, rotation (rotation vector in world axes) and velocity.
-        rate_covariance: (3, 3) covariance of the angular velocity.
+        rate_covariance: (3, 3) covariance of the angular velocity, with the error of the turn to the world.
+        bar_rate_covariance: (3, 3) covariance of the angular velocity in the bar's axes, as its gyroscope measures it.
     """
 
     name: str
@@ -33,11 +34,12 @@ class BarEstimate:
     rate_rad_s: Array
     covariance: Array
     rate_covariance: Array
+    bar_rate_covariance: Array
 
 
 @dataclass(frozen=True)
 class Hold:
-    """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading.
+    """State of an endcap's contact, as probabilities that sum to 1; NaN without a reading that shows it.
 
     Attributes:
         holds: the endcap touches and stays.
@@ -64,14 +66,14 @@ class EndcapEstimate:
 
     Attributes:
         name: name of the endcap.
-        centre_m: (3,) centre of its sphere, world.
+        centre_m: (3,) centre of its sphere without load, world.
         covariance: (3, 3) covariance of the centre, m2.
         hold: probabilities of its contact's state.
-        contact_m: (3,) contact point, world.
+        contact_m: (3,) contact point on the support, world: the load has pressed the dome's sphere toward the bar.
         normal: (3,) unit, out of the support, world.
         normal_sd_rad: standard deviation of the normal's direction, rad.
-        force_n: (3,) force on the endcap, world axes.
-        friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as all after ``hold``.
+        force_n: (3,) force on the endcap, world axes; NaN without a reading.
+        friction_ratio, friction_ratio_sd: tangential over normal force; NaN without contact, as contact and normal.
     """
 
     name: str
@@ -92,8 +94,10 @@ class Health:
 
     Attributes:
         lengths_consistency, anchors_consistency: fading mean of squared innovations over their variances: below 1 for a
-            correct model, since variances contain errors that stay, too.
-        weight_ratio: fading mean of the vertical forces' sum over the weight; NaN while the robot accelerates.
+            correct model, since variances contain errors that stay, too; that of anchors begins at 1 again once they
+            have contradicted place and velocity.
+        weight_ratio: fading mean of the vertical forces' sum over the weight, of times at which all endcaps report and
+            the robot does not accelerate; NaN before the first.
         rejected: number of rejected lengths in the last sample.
         ignored: number of samples with NaN, with impossible numbers, or too old, since the start.
         notes: one line for each fault or missing sensor.

@@ -25,7 +25,7 @@ from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
 from sensing.robot.silence import doubtful, follow_on, pauses
-from sensing.robot.start import Gathered, begin, first_leader, gather, goes_on, moves, nothing_gathered
+from sensing.robot.start import Gathered, begin, first_leader, gather, goes_on, lengths_late, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
@@ -104,7 +104,8 @@ class RobotEstimator:
         """Estimate of the robot at a time; None before the start.
 
         Args:
-            at: time, s; None for that of the newest sample. A later time is predicted with the last rates.
+            at: time, s; None for that of the newest sample. A later time is predicted with the last rates, over at most
+                ``Settings.history_s``.
 
         Raises:
             ParameterError: a time that is not finite, or before the history that is kept.
@@ -157,9 +158,10 @@ class RobotEstimator:
         waits = doubted is not None  # a state exists, so that a new start can wait for a robot that stands
         waits = waits or time_s - gathered.tried_s < self.settings.start_limit_s - self.settings.start_s
         moving = moves(gathered, samples) or (doubted is not None and pauses(doubted))
-        progress.stands &= not moving or waits
+        late = lengths_late(gathered, time_s, samples)
+        progress.stands = (progress.stands or late) and (not moving or waits)
         again = nothing_gathered(self._layout, gathered.tried_s if doubted is None else time_s)
-        if moving and waits:  # it falls, rocks or walks, so the gathered means are not those at rest
+        if late or (moving and waits):  # it falls, rocks or walks, so the gathered means are not those at rest
             gathered = progress.gathered = again
         self._gather(gathered, time_s, samples)
         enough = time_s - gathered.first_s >= self.settings.start_s - 1e-9

@@ -10,16 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensing.robot import contacts
-from sensing.robot.between import measured_errors, settle
+from sensing.robot.between import measured_errors, settle, turn_slopes
 from sensing.robot.contact import contact_of
 from sensing.robot.history import AnySample
 from sensing.robot.inertial import used_over_step
 from sensing.robot.kernels import predict_step
 from sensing.robot.layout import Layout
-from sensing.robot.measurement_kernels import correct, length_slopes, update_step
+from sensing.robot.measurement_kernels import length_slopes, update_step
 from sensing.robot.settings import Contacts, KnownContact, Settings
-from sensing.robot.silence import hold, lead, leading, unmeasured, watch
-from sensing.robot.state import MEAN_WEIGHT, SILENT_S, State
+from sensing.robot.silence import give_up, hold, lead, leading, unmeasured, watch
+from sensing.robot.state import INCONSISTENT, MEAN_WEIGHT, SILENT_S, State
 from sensing.tensegrity.description import GRAVITY_M_S2, Array
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample
 
@@ -27,6 +27,7 @@ LONGEST_STEP_S = 0.01  # of one predict step; longer intervals are divided
 LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected (five standard deviations)
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
+LOST_RAD, LOST_M_S, LOST_M = 0.1, 1.0, 0.2  # E: standard deviations added once contacts contradict the motion
 FREE_NOISE = 5.0  # E: noise density of the acceleration of a robot without accelerometer, m/s^2/sqrt(Hz)
 
 
@@ -75,6 +76,8 @@ class Filter:
                 contacts.take(state, self._endcap_of[sample.endcap], sample, layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
+        if state.consistency[1] > INCONSISTENT:
+            self._loosen_motion(state)
 
     def led(self, state: State) -> Layout:
         """The layout with the leading bar of a state.
@@ -92,13 +95,13 @@ class Filter:
         hold(state, time_s, self.layout)
         for sample in samples:
             if isinstance(sample, InertialSample):
-                state.rate_s[self._bar_of[sample.sensor]] = time_s
+                bar = self._bar_of[sample.sensor]
+                state.rate[bar], state.rate_s[bar] = self.layout.sensor_turn[bar] @ sample.rate_rad_s, time_s
             elif isinstance(sample, LengthSample):
-                state.lengths_s = time_s
+                state.lengths_s[np.isfinite(sample.lengths_m)] = time_s
             elif isinstance(sample, FootSample):
                 endcap = self._endcap_of[sample.endcap]
-                state.contacts[endcap] = contact_of(sample, endcap, self.layout, self.settings)
-                state.reading_s[endcap] = time_s
+                contacts.hear(state, endcap, contact_of(sample, endcap, self.layout, self.settings))
 
     def predict(self, state: State, time_s: float, samples: Sequence[InertialSample]) -> None:
         """Predict step to a time.
@@ -208,21 +211,21 @@ class Filter:
             state.turn, state.place, layout.cable_bars, layout.cable_levers, layout.leader, layout.size
         )
         innovation = np.asarray(sample.lengths_m, float) - length
-        since = min(max(state.time_s - state.lengths_s, 1e-3), 1.0)
+        since = np.clip(state.time_s - state.lengths_s, 1e-3, 1.0)
         spread = self.settings.length_sd_m**2 + self.settings.length_error_m**2 / since
-        variance = np.full(len(length), spread) + measured_errors(state, slopes, layout, self.settings)
+        variance = spread + measured_errors(state, slopes, layout, self.settings)
         expected = np.einsum("ij,jk,ik->i", slopes, state.covariance, slopes) + variance
-        off = float(np.nanmean(innovation**2 / expected))
-        if off > MISFIT:  # the steps were too long for straight lines, or the first shape was wrong
+        misfits = _misfits(innovation**2 / expected, bool(state.rejected))
+        if misfits:  # the steps were too long for straight lines, or the first shape was wrong
             self._loosen(state)
         found = np.empty(len(length))
-        change = update_step(state.covariance, slopes, innovation, variance, LIMIT if off < MISFIT else np.inf, found)
+        change = update_step(state.covariance, slopes, innovation, variance, np.inf if misfits else LIMIT, found)
         state.rejected = int((found < -1).sum())
         taken = found[found >= 0]
         if len(taken):
             state.consistency[0] += MEAN_WEIGHT * (float(taken.mean()) - state.consistency[0])
-        state.lengths_s = state.time_s
-        apply(state, change, layout.leader)
+        state.lengths_s[found >= 0] = state.time_s
+        state.correct(change)
 
     def _loosen(self, state: State) -> None:
         """Increase the covariance of the shape where the lengths no longer fit it."""
@@ -232,21 +235,38 @@ class Filter:
                 state.covariance[turn, turn] += LOOSE**2 * np.eye(3)
                 state.covariance[place, place] += LOOSE_M**2 * np.eye(3)
 
+    def _loosen_motion(self, state: State) -> None:
+        """Increase the covariance of pose and velocity once contacts contradict them.
+
+        One broken sample of an inertial sensor gives a velocity of which the covariance does not know; anchors would
+        begin anew wherever the robot flies by, for ever. What it has moved meanwhile is a shift of robot and anchors.
+        Where that does not help and lengths do not fit either, linear steps would diverge: the pose is held.
+        """
+        if state.lost and state.consistency[0] > INCONSISTENT:
+            give_up(state)
+        layout, larger = self.led(state), float(state.consistency[1]) / INCONSISTENT
+        shift = np.zeros((layout.size, 3))
+        shift[3 * layout.bars : 6 * layout.bars] = np.tile(np.eye(3), (layout.bars, 1))
+        for bar in range(layout.bars):
+            slopes, velocity = turn_slopes(state, bar, layout), layout.velocity(bar)
+            state.covariance += (0.0 if state.lost else LOST_RAD**2) * slopes @ slopes.T
+            state.covariance[velocity, velocity] += larger * LOST_M_S**2 * np.eye(3)
+        for endcap in np.flatnonzero(state.anchored):
+            shift[layout.anchor(int(endcap))] = np.eye(3)
+        state.covariance += larger * LOST_M**2 * shift @ shift.T
+        state.consistency[1], state.lost = 1.0, True
+
+
+def _misfits(ratio: Array, again: bool) -> bool:
+    """Whether lengths do not fit the shape, by squared innovations over their variances (C,), NaN for none.
+
+    One length alone that is off is a jump of its sensor, unless the last sample had one, too.
+    """
+    ratio = np.sort(ratio[np.isfinite(ratio)])
+    others = ratio if again or len(ratio) == 1 else ratio[:-1]
+    return bool(ratio.mean() > MISFIT and others.mean() > MISFIT)
+
 
 def _root_mean_square(rate: Array) -> float:
     """Root mean square of angular velocities (n, 3), rad/s."""
     return float(np.sqrt((rate**2).sum() / len(rate)))
-
-
-def apply(state: State, change: Array, leader: int) -> None:
-    """Add a correction to the state.
-
-    Args:
-        state: state that is changed.
-        change: (N,) correction of the error state.
-        leader: number of the bar whose rotation the errors of positions refer to.
-    """
-    correct(
-        change, state.turn, state.place, state.velocity, state.rate_bias, state.force_bias, state.anchor, state.normal,
-        state.delay_s, state.creep, state.softness, leader,
-    )  # fmt: skip

@@ -80,7 +80,7 @@ def used_over_step(state: State, time_s: float, samples: Iterable[InertialSample
         rate[bar] = _over_rest(state.rate_mean[bar], state.rate_used[bar], gap_s, left_s, longest_s[bar])
         if sample.time_s <= time_s:
             state.rate_s[bar], state.rate_used[bar] = sample.time_s, -rate[bar] * step_s
-        if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
+        if sample.acceleration_m_s2 is not None:
             gap_s = sample.time_s - state.force_s[bar]
             if sample.time_s > time_s and not 0 < gap_s <= longest_s[bar]:
                 continue

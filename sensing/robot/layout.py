@@ -23,8 +23,8 @@ class Layout:
 
     Attributes:
         robot: description of the robot.
-        leader: number of the bar whose accelerometer is the reference of all others; while it is silent, another one
-            leads (:meth:`led_by`).
+        leader: number of the bar whose accelerometer, or gyroscope where none has one, is the reference of all others;
+            while an accelerometer is silent, another one leads (:meth:`led_by`).
         reference_m: (B, 3) reference points, bar frame, m.
         sensor_of_bar: names of the inertial sensors, None for a bar without.
         sensor_turn: (B, 3, 3) rotations from sensor to bar axes.
@@ -101,7 +101,7 @@ class Layout:
 
     @property
     def leaders(self) -> tuple[int, ...]:
-        """Numbers of the bars that may lead: those with an accelerometer, else the first one."""
+        """Numbers of the bars that may lead: those with an accelerometer, else the first one with a gyroscope."""
         return tuple(int(bar) for bar in np.flatnonzero(self.has_force)) or (self.leader,)
 
     def led_by(self, bar: int) -> Layout:
@@ -186,8 +186,9 @@ def layout_of(robot: TensegrityRobot) -> Layout:
     heights = np.array([design.centre_height_mm for design in designs]) / MM_PER_M
     softer = np.array([design.outer_radius_mm / design.wall_mm**2 for design in designs])
     poses = np.array([endcap.T_bar_endcap for endcap in robot.endcaps])
+    leads = has_force if has_force.any() else np.array([bar.name in sensors for bar in robot.bars])
     return Layout(
-        robot, int(has_force.argmax()), reference,
+        robot, int(leads.argmax()), reference,
         tuple(sensors[bar.name].name if bar.name in sensors else None for bar in robot.bars), turns, has_force,
         pairs, levers, of, poses[:, :3, 3] + heights[:, None] * poses[:, :3, 2] - reference[of],
         np.ascontiguousarray(poses[:, :3, :3]), np.array([design.outer_radius_mm for design in designs]) / MM_PER_M,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sensing.robot.between import extrapolate, rate_walk
+from sensing.robot.contact import Contact
 from sensing.robot.contacts import LONGEST_GAP_S
 from sensing.robot.estimate import BarEstimate, EndcapEstimate, Health, Hold, RobotEstimate
 from sensing.robot.friction import moments
@@ -14,22 +15,21 @@ from sensing.robot.layout import Layout
 from sensing.robot.measurement_kernels import point_slopes
 from sensing.robot.settings import Contacts, Settings
 from sensing.robot.silence import UNSEEN_S
-from sensing.robot.state import SILENT_S, State, world_rate
+from sensing.robot.state import INCONSISTENT, SILENT_S, State, world_rate
 from sensing.tensegrity.description import Array
 from sensing.tensegrity.vectors import cross, minus_cross
 
 ROLLING_M_S, ROLLING_SPREAD = 0.01, 0.003  # E: speed of the sphere's centre at which rolling begins; spread
 WRONG_BIT = 0.02  # E: probability that the contact bit is wrong
-INCONSISTENT = 4.0  # mean squared innovation over its variance from which a note is made
 WEIGHT_OFF = 0.5  # relative error of the sum of forces against the weight from which a note is made
 SOFTNESS_OFF = 3.0  # in Settings.softness_sd; no silicone differs by more: noise of the forces is taken for it
 SLOW_S = 1 / 12  # E: s between samples of an inertial sensor from which a note is made (docs/robot_accuracy.md)
 SILENT_LENGTHS_S = 0.2  # s without lengths from which a note is made
-ASTRAY_S = 1.0  # E: s; shorter times with wrenches of no contact on the dome occur when two supports touch at once
+ASTRAY_S = 1.0  # E: s; shorter times without a contact occur when two supports touch at once, or in one odd picture
 LOST_M_S = 1.0  # standard deviation of the velocity from which a note is made
 ANEW_S = 10.0  # s in which a note states that the estimate began again
 NAN_3 = np.full(3, np.nan)  # vector without a value
-UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)  # probabilities of an endcap without a reading
+UNKNOWN = Hold(np.nan, np.nan, np.nan, np.nan)  # probabilities of an endcap without a reading that shows its contact
 
 
 def report_of(
@@ -82,8 +82,10 @@ def _bar(state: State, bar: int, layout: Layout, settings: Settings) -> BarEstim
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = state.turn[bar], origin
     covariance, of_rate = rows @ state.covariance @ rows.T, _rate_covariance(state, bar, layout, settings)
-    covariance[6:, 6:] += _rate_variance(state, bar, settings) * across @ across.T
-    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate)
+    variance, bias = _rate_variance(state, bar, settings), layout.rate_bias(bar)
+    covariance[6:, 6:] += variance * across @ across.T
+    in_bar = state.covariance[bias, bias] + variance * np.eye(3)
+    return BarEstimate(layout.robot.bars[bar].name, pose, velocity, rate, covariance, of_rate, in_bar)
 
 
 def _fell_silent(state: State, bar: int) -> bool:
@@ -120,14 +122,16 @@ def _endcap(state: State, endcap: int, layout: Layout, settings: Settings) -> En
     old = state.time_s - state.reading_s[endcap] > LONGEST_GAP_S
     if contact is None or contact.touching is None or old:
         return EndcapEstimate(name, centre, spread, UNKNOWN, NAN_3, NAN_3, np.nan, NAN_3, np.nan, np.nan)
-    hold = _hold(state, endcap, bar, bool(contact.touching), layout)
-    force = state.turn[bar] @ contact.force_n
     counts = bool(state.anchored[endcap]) or (contact.known and settings.contacts is Contacts.NONE)
+    shows = counts or not contact.touching or np.isfinite(contact.push_n)  # else nothing says whether it slips
+    hold = _hold(state, endcap, bar, bool(contact.touching), layout) if shows else UNKNOWN
+    force = state.turn[bar] @ contact.force_n
     if not (contact.touching and counts):
         return EndcapEstimate(name, centre, spread, hold, NAN_3, NAN_3, np.nan, force, np.nan, np.nan)
     normal = state.normal[endcap].copy()
+    pressed = state.anchor[endcap] if state.anchored[endcap] else centre  # its load has moved the sphere on the bar
     return EndcapEstimate(
-        name, centre, spread, hold, centre - layout.radius_m[endcap] * normal, normal,
+        name, centre, spread, hold, pressed - layout.radius_m[endcap] * normal, normal,
         float(np.sqrt(state.normal_variance[endcap])), force, contact.ratio, contact.ratio_sd,
     )  # fmt: skip
 
@@ -142,22 +146,15 @@ def _hold(state: State, endcap: int, bar: int, touching: bool, layout: Layout) -
 
 
 def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layout, settings: Settings) -> Health:
-    notes = [*impossible, *_lost(state, layout), *_of_inertial(state, layout)]
-    if state.time_s - state.lengths_s > SILENT_LENGTHS_S:
-        notes.append(f"cable lengths: no sample {_since(state.time_s - state.lengths_s)}: the shape drifts")
+    notes = [*impossible, *_lost(state, layout), *_of_inertial(state, layout), *_of_cables(state, layout)]
     for number, endcap in enumerate(layout.robot.endcaps):
         if (since := state.time_s - state.reading_s[number]) > LONGEST_GAP_S:
             notes.append(f"{endcap.name}: no reading {_since(since)}")
-        elif state.time_s - state.astray_s[number] > ASTRAY_S:
-            notes.append(
-                f"{endcap.name}: its force and torque are of no contact on its dome: check the torque's unit, and that "
-                "it is about the centre of the mating plane"
-            )
+        elif (since := state.time_s - state.astray_s[number]) > ASTRAY_S:
+            notes.append(f"{endcap.name}: {_astray(state.contacts[number], since)}")
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
-    if anchors > INCONSISTENT:
-        notes.append(f"contacts are off by {anchors**0.5:.1f} times what is expected")
     if abs(state.weight_ratio - 1) > WEIGHT_OFF:
         notes.append(
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"
@@ -169,6 +166,29 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
             "noisier than they state: heights of contacts may be off by more than their covariance says"
         )
     return Health(lengths, anchors, float(state.weight_ratio), state.rejected, ignored, tuple(notes))
+
+
+def _astray(contact: Contact | None, since_s: float) -> str:
+    """What readings of an endcap that show no contact lack."""
+    if contact is None or not np.isfinite(contact.force_n).all():
+        return f"no valid force {_since(since_s)}: where it is and whether it holds is not measured"
+    return (
+        "its force and torque are of no contact on its dome: check their units, and that the torque is about the "
+        "centre of the mating plane"
+    )
+
+
+def _of_cables(state: State, layout: Layout) -> list[str]:
+    """Which lengths do not come, or are left out again and again."""
+    since_s = state.time_s - state.lengths_s
+    if since_s.min() > SILENT_LENGTHS_S:
+        return [f"cable lengths: no sample {_since(float(since_s.min()))}: the shape drifts"]
+    names = [cable.name for cable in layout.robot.cables if cable.measured]
+    return [
+        f'cable "{name}": no length, or none that fits, {_since(silent_s)}'
+        for name, silent_s in zip(names, since_s.tolist(), strict=True)
+        if silent_s > SILENT_LENGTHS_S
+    ]
 
 
 def _of_inertial(state: State, layout: Layout) -> list[str]:
@@ -188,7 +208,7 @@ def _of_inertial(state: State, layout: Layout) -> list[str]:
             )
     if not layout.has_force.any():
         notes.append("no accelerometer: shape and steps of the contacts only; which way is up is not measured")
-    elif state.time_s - state.force_s[layout.leader] > silent_s[layout.leader]:
+    elif not state.held_s and state.time_s - state.force_s[layout.leader] > silent_s[layout.leader]:
         notes.append("accelerometer: no sample: shape and steps of the contacts only")
     return notes
 
@@ -197,11 +217,17 @@ def _lost(state: State, layout: Layout) -> list[str]:
     notes = []
     if state.held_s:
         notes.append(
-            "pose held as it was: the inertial sensor of the leading bar is silent; it has to stand a while then"
+            "pose held as it was: the inertial sensor of the leading bar fell silent, or contacts contradicted it: "
+            "once it reports, the robot has to stand still for a second"
         )
     if state.time_s - state.anew_s < ANEW_S:
         notes.append("begun anew while it stood: the shape is measured again, place and heading are those of before")
     notes += _begun(state, layout)
+    if state.lost:
+        notes.append(
+            "contacts contradicted place and velocity, as after a broken inertial sample: these and the shape are less "
+            "certain, until the robot has stood still for a second"
+        )
     if state.unseen_s >= UNSEEN_S:
         notes.append(
             f"several gyroscopes were silent at once: for {state.unseen_s:.1f} s; bars may be turned by more than "
@@ -218,7 +244,10 @@ def _begun(state: State, layout: Layout) -> list[str]:
     """What was missing as the estimate began."""
     notes = []
     if state.began_moving:
-        notes.append("begun while the robot moved: its shape may be wrong until it has stood still for a second")
+        notes.append(
+            "begun while the robot moved, or a gyroscope was off by over 0.1 rad/s: its shape may be wrong until it "
+            "has stood still for a second"
+        )
     if state.began_silent:
         names = ", ".join(layout.robot.endcaps[endcap].name for endcap in state.began_silent)
         notes.append(
@@ -239,7 +268,8 @@ def _begun(state: State, layout: Layout) -> list[str]:
     if state.began_unbalanced:
         notes.append(
             "begun with forces under which the bars are in no balance: the shape is wrong by more than its covariance "
-            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touched"
+            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touches: "
+            "it is measured again while the robot stands"
         )
     return notes
 

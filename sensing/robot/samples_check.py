@@ -53,6 +53,8 @@ class SampleCheck:
     def usable(self, sample: AnySample, newest_s: float) -> AnySample | None:
         """The sample, with NaN for impossible lengths; None for numbers that are NaN or that no sensor measures.
 
+        An acceleration is left out where the description states no accelerometer.
+
         Args:
             sample: sample of any kind.
             newest_s: newest capture time so far, s.
@@ -73,6 +75,8 @@ class SampleCheck:
         if isinstance(sample, LengthSample):
             return self._lengths(sample, what)
         if isinstance(sample, InertialSample):
+            if not self._sensors[sample.sensor]:  # drivers of gyroscopes alone fill it with zeros or NaN
+                sample = replace(sample, acceleration_m_s2=None)
             rate, force = sample.rate_rad_s, sample.acceleration_m_s2
             possible = self._possible(sample.time_s, what, rate, MOST_RAD_S, "rad/s")
             finite = bool(np.isfinite(rate).all())

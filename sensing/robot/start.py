@@ -31,8 +31,10 @@ from sensing.tensegrity.vectors import minus_cross
 QUIET_RAD_S, QUIET_M_S2 = 0.35, 1.5  # E: limits for a robot that stands: of a rate, and of a force beside gravity
 ROCKS_AFTER_S, ROCKS_MORE = 1.0, 4.0  # E: time of tries to find a robot at rest, and factor on the limits after it
 ROCKS_RAD_S, NET_RAD_S = 0.32, 0.1  # E: rms and mean of the rates, over the start, of a bar that only rocks
+LENGTHS_IN_S = 0.1  # E: s in which the first lengths of a start have to come
 QUIET_M = 0.006  # E: difference of the lengths' means over the two halves of the start
-STILL_RATE = 0.05  # rad/s; a gyroscope that measures more at the start is not at rest
+# A gyroscope that measures more at the start is not at rest, rad/s, unless its rate is steady, about each axis, rad/s.
+STILL_RATE, STEADY_RATE = 0.05, 0.01
 ROCKS = 0.1  # E: error of a mean rate over the spread of the rates, since the robot rocks as the start ends
 ROCKS_TURN = 0.5  # E: error of a bar's last rotation over the spread of the rotations, while it rocks
 SPEED_SD = 0.01  # m/s, standard deviation at rest
@@ -100,8 +102,7 @@ def nothing_gathered(layout: Layout, tried_s: float = np.nan) -> Gathered:
     return Gathered(
         tried_s, np.nan, np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros((bars, 2)), np.zeros(cables),
         np.zeros(cables), np.zeros(bars), np.zeros((bars, 3)), np.zeros((bars, 3)), np.zeros(bars),
-        np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf),
-        np.full(bars, np.inf),
+        np.zeros((2, cables)), np.zeros((2, cables)), np.full((bars, 2), -np.inf), np.full(bars, np.inf),
     )  # fmt: skip
 
 
@@ -127,7 +128,7 @@ def gather(gathered: Gathered, time_s: float, bar: int, sample: Sample, layout: 
         gathered.counts[bar, 0] += weight
         gathered.usual_s[bar] = usual_s(float(gathered.usual_s[bar]), time_s - float(gathered.heard_s[bar, 0]))
         gathered.heard_s[bar, 0] = time_s
-        if sample.acceleration_m_s2 is not None and layout.has_force[bar]:
+        if sample.acceleration_m_s2 is not None:
             gathered.heard_s[bar, 1] = time_s
             gathered.force[bar] += weight * layout.sensor_turn[bar] @ sample.acceleration_m_s2
             gathered.counts[bar, 1] += weight
@@ -158,6 +159,20 @@ def moves(gathered: Gathered, samples: Sequence[object]) -> bool:
     both = (gathered.half_counts > 4).all(axis=0)  # E: the means of fewer are mostly noise
     means = gathered.halves[:, both] / gathered.half_counts[:, both]
     return bool((np.abs(means[1] - means[0]) > QUIET_M).any())
+
+
+def lengths_late(gathered: Gathered, time_s: float, samples: Sequence[object]) -> bool:
+    """Whether the first lengths of a start come late, as of a program that was started later, so that it begins anew.
+
+    Its angles would contain the biases of the gyroscopes over the whole wait, and its lengths the noise of a few.
+
+    Args:
+        gathered: sums so far.
+        time_s: time of the samples, s.
+        samples: samples of one time.
+    """
+    first = not gathered.length_counts.any() and any(isinstance(sample, LengthSample) for sample in samples)
+    return first and time_s - gathered.first_s > LENGTHS_IN_S
 
 
 def goes_on(gathered: Gathered) -> bool:
@@ -209,19 +224,17 @@ def begin(state: State, gathered: Gathered, layout: Layout, settings: Settings, 
     state.turn = np.ascontiguousarray(poses[:, :3, :3])
     state.place = np.ascontiguousarray(poses[:, :3, 3] + np.einsum("bij,bj->bi", state.turn, layout.reference_m))
     counted = np.maximum(gathered.counts[:, :1], 1)
-    still = stands & (gathered.squares <= STILL_RATE**2 * counted[:, 0])
-    mean = gathered.rate / counted
+    mean, square = gathered.rate / counted, gathered.squares / counted[:, 0]
+    spread_rate = np.sqrt(np.maximum(0.0, square - (mean**2).sum(axis=1)) / 3)
+    still = stands & ((square <= STILL_RATE**2) | (spread_rate <= STEADY_RATE))
     state.rate_bias = np.where(still[:, None], mean, 0.0)
     _heard(state, gathered)
-    spread_rate = np.sqrt(np.maximum(0.0, gathered.squares / counted[:, 0] - (mean**2).sum(axis=1)) / 3)
     bias_sd = settings.rate_noise / max(settings.start_s, 0.01) ** 0.5 + ROCKS * spread_rate + 1e-4
     bias_sd = np.where(still & (gathered.counts[:, 0] > 0), bias_sd, settings.rate_bias_sd)
     state.began_moving, state.began_silent = not stands, tuple(problem.silent)
     state.began_lifted = not problem.contacts and not problem.silent
-    lacks = (state.time_s - gathered.heard_s[:, 0] > state.silent_after_s) & np.array(
-        [bool(s) for s in layout.sensor_of_bar]
-    )
-    state.began_unmeasured = tuple(np.flatnonzero(lacks).tolist())
+    silent = np.flatnonzero(state.time_s - state.rate_s > state.silent_after_s).tolist()
+    state.began_unmeasured = tuple(bar for bar in silent if layout.sensor_of_bar[bar])
     _set_covariance(state, spread, bias_sd, SPEED_SD if stands else MOVES_M_S, layout, settings)
 
 

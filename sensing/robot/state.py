@@ -11,11 +11,13 @@ import numpy as np
 from sensing.robot.contact import Contact
 from sensing.robot.friction import FIRST
 from sensing.robot.layout import Layout
+from sensing.robot.measurement_kernels import correct
 from sensing.robot.settings import KnownContact
 from sensing.tensegrity.description import Array
 
 SILENT_S = 0.05  # after it the last sample of an inertial sensor is no longer used, unless it is a slow one
 MEAN_WEIGHT = 0.02  # weight of a new value in the fading means of the report
+INCONSISTENT = 4.0  # mean squared innovation over its variance that contradicts the estimate
 
 
 @dataclass
@@ -51,11 +53,12 @@ class State:
         rate_used, force_used: (B, 3) integrals of the used values since the last samples.
         contact_s: (E,) time of the last reading with valid numbers, s.
         reading_s: (E,) time of the last reading, s.
-        lengths_s: time of the last lengths, s.
+        lengths_s: (C,) time of the last length of each measured cable that was not left out, s.
         load_n: (E, 3) normal force by which the softness is learned, world, N; NaN before the first
             (:func:`sensing.robot.dome.count_load`).
         jumped: (E,) whether the last reading was left out because it jumped (:mod:`sensing.robot.jump`).
-        astray_s: (E,) time since which a touching endcap reports wrenches of no contact on its dome, s; NaN for none.
+        astray_s: (E,) time since which an endcap's readings show no contact, s: they hold no numbers, or wrenches of
+            none on its dome; NaN for one whose readings do.
         contacts: last contact of each endcap.
         friction: (59,) probabilities of the coefficients.
         consistency: (2,) fading means of squared innovations over their variances, of lengths and of anchors.
@@ -70,6 +73,7 @@ class State:
         began_lifted: whether no endcap touched then.
         began_unbalanced: whether no shape balanced the forces then.
         unseen_s: time for which several gyroscopes were silent at once, s.
+        lost: whether contacts have contradicted place and velocity.
         leader: number of the leading bar, to whose rotation the errors of positions refer.
     """
 
@@ -107,7 +111,7 @@ class State:
     astray_s: Array
     load_n: Array
     jumped: np.ndarray
-    lengths_s: float
+    lengths_s: Array
     contacts: list[Contact | None]
     friction: Array
     consistency: Array
@@ -122,6 +126,7 @@ class State:
     began_lifted: bool = False
     began_unbalanced: bool = False
     unseen_s: float = 0.0
+    lost: bool = False
     leader: int = 0
 
     def copy(self) -> Self:
@@ -132,6 +137,13 @@ class State:
             if isinstance(value, np.ndarray | list):
                 setattr(other, entry.name, value.copy())
         return other
+
+    def correct(self, change: Array) -> None:
+        """Add a correction (N,) of the error state."""
+        correct(
+            change, self.turn, self.place, self.velocity, self.rate_bias, self.force_bias, self.anchor, self.normal,
+            self.delay_s, self.creep, self.softness, self.leader,
+        )  # fmt: skip
 
 
 def empty_state(layout: Layout, time_s: float) -> State:
@@ -152,7 +164,8 @@ def empty_state(layout: Layout, time_s: float) -> State:
         silent_after_s=np.full(bars, SILENT_S), rate_over_s=np.full(bars, np.inf),
         rate_change=np.zeros(bars), force_change=np.zeros(bars), rate_used=of_bars(), force_used=of_bars(),
         contact_s=np.full(endcaps, never), reading_s=np.full(endcaps, never), astray_s=np.full(endcaps, np.nan),
-        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool), lengths_s=never,
+        load_n=np.full((endcaps, 3), np.nan), jumped=np.zeros(endcaps, bool),
+        lengths_s=np.full(len(layout.cable_bars), never),
         contacts=[None] * endcaps, friction=FIRST.copy(), consistency=np.ones(2), weight_ratio=np.nan, rejected=0,
         known=[None] * endcaps, leader=layout.leader,
     )  # fmt: skip

@@ -48,7 +48,7 @@ class FootSample:
         time_s: capture time of the picture.
         endcap: name in the robot's description.
         force_n, torque_nm: (3,) on the endcap, at the origin of the endcap frame; NaN where the numbers are not valid.
-        covariance: (6, 6) covariance of (force, torque); NaN where the model gives none.
+        covariance: (6, 6) covariance of (force, torque); NaN, or a diagonal that is not positive, for none.
         touching: whether it touches; None where that is not known.
         flags: flags of the wrench, for example "out_of_range".
     """

@@ -62,9 +62,8 @@ def balanced_shape(robot: TensegrityRobot, T_world_bar: Array | None = None) -> 
         pulled = jacobian * (stretch > 0)[:, None]
         hessian = pulled.T @ (stiffness[:, None] * pulled)
         gradient = pulled.T @ (stiffness * stretch)
-        size = hessian.trace() / len(hessian)
         step, damping = _descend(robot, poses, -gradient, hessian, damping, energy)
-        if step is None or np.abs(step).max() < STEP or not size:
+        if step is None or np.abs(step).max() < STEP:
             break
         poses = moved(poses, step)
     length = cable_lengths(robot, poses)[0]

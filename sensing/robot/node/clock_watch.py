@@ -15,7 +15,7 @@ from collections.abc import Callable
 LOOK_S = 1.0  # s, time in which the youngest sample is looked for
 AHEAD_S = 0.05  # E: clocks set by NTP agree to some milliseconds; a gyroscope counts as silent after this time
 BEHIND_S = 0.5  # E: more than the delay of any sensor and network with which a robot can walk
-MOST_AHEAD_S = 0.5  # half of the history that the estimator keeps (RobotSettings.history_s)
+MOST_AHEAD_S = 0.5  # half of the history that the estimator keeps (Settings.history_s)
 MOST_BEHIND_S = 30.0  # a driver or computer whose clock was never set
 REMEDY = "set all clocks by NTP or PTP"  # advice at the end of each message
 

@@ -6,8 +6,8 @@
     /NAME/wrench                    geometry_msgs/WrenchStamped any other sensor's: on the endcap, in its frame
 
 A plain wrench has no covariance and no contact bit: standard deviations are stated (``wrench_sd``) or those of
-:mod:`sensing.robot.contact`, and the force determines the contact. Plain wrenches are used only while none with
-covariance comes. Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic
+:mod:`sensing.robot.contact`, and the force determines the contact. Plain wrenches are used until one with
+covariance has come. Stamps are wall time of clocks that agree (NTP, PTP); they become times of this process's monotonic
 clock, which also times pictures. A topic with another clock is reported; stamps far from now are left out. Topics are
 volatile, and reliable unless a publisher offers best effort alone, as drivers of inertial sensors do.
 """
@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cad.errors import printable
 from cad.messages import LOG
 from sensing.live.outputs.ros import dds
 from sensing.live.outputs.ros import types as ros
@@ -80,7 +81,7 @@ class LiveRobot:
         self._participant, self._owner = open_participant(domain)
         self._readers = [(topic, kind, name, self._reader(topic, kind)) for topic, kind, name in topics]
         self._silent = [topic for topic, _, _ in topics]
-        self._clocks, self._slow = ClockWatch(LOG.warning), False
+        self._clocks, self._slow, self._lengths_named = ClockWatch(LOG.warning), False, False
 
     def arrivals(self) -> Iterator[tuple[float, Sample] | None]:
         """(time of arrival, sample); None while none comes, or while endcaps here have given no wrench yet."""
@@ -134,6 +135,13 @@ class LiveRobot:
         if silent:
             LOG.warning(f"nothing for {PATIENCE_S:g} s on {', '.join(f'/{topic}' for topic in silent)}: waiting")
 
+    def _name_strangers(self, names: Iterable[str]) -> None:
+        """Print a line, once, if no length has the name of a cable: without one there would never be an estimate."""
+        if not self._lengths_named and set(self._cables).isdisjoint(names):
+            has = f"the description has {', '.join(self._cables)}: use its names"
+            LOG.warning(printable(f"{LENGTHS}: {', '.join(names)[:80]}: no cables of the robot; {has}"))
+        self._lengths_named = True
+
     def _name_slowness(self, took_s: float) -> None:
         """Print a line, once, if waiting samples took so long that estimates are old."""
         if took_s > SLOW_S and not self._slow:
@@ -174,6 +182,7 @@ class LiveRobot:
         sample = messages.sample_from(kind, message, self._clock.offset_ns)
         if isinstance(sample, LengthSample) and message.name:  # sorted into the order of the description
             by_name = dict(zip(message.name, message.position, strict=False))
+            self._name_strangers(by_name.keys())
             return replace(sample, lengths_m=np.array([by_name.get(cable, np.nan) for cable in self._cables], float))
         if isinstance(sample, InertialSample):
             return replace(sample, sensor=name)

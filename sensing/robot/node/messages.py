@@ -106,8 +106,9 @@ def sample_from(kind: str, message: Any, wall_ns: int) -> Sample:
     if kind == ros.WRENCH:
         return FootSample(time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque))
     touching = None if message.contact == CONTACT_UNKNOWN else message.contact == CONTACT_TOUCHING
+    counts = 1.0 if message.valid else np.nan  # zeros of one that is not valid would mean that the endcap is free
     return FootSample(
-        time_s, message.header.frame_id, _three(message.wrench.force), _three(message.wrench.torque),
+        time_s, message.header.frame_id, counts * _three(message.wrench.force), _three(message.wrench.torque),
         np.array(message.covariance, float).reshape(6, 6), touching, frozenset(message.flags),
     )  # fmt: skip
 
@@ -125,7 +126,7 @@ def odometry(bar: BarEstimate, stamp_ns: int) -> bytes:
     slopes = np.hstack([R.T @ minus_cross(-bar.velocity_m_s), R.T])  # a rotation error changes these axes
     twist_covariance = np.zeros((6, 6))
     twist_covariance[:3, :3] = slopes @ bar.covariance[3:, 3:] @ slopes.T
-    twist_covariance[3:, 3:] = R.T @ bar.rate_covariance @ R
+    twist_covariance[3:, 3:] = bar.bar_rate_covariance
     message = types[ODOMETRY](
         header=ros.header(stamp_ns, WORLD), child_frame_id=f"bar_{bar.name}",
         pose=types["geometry_msgs/msg/PoseWithCovariance"](

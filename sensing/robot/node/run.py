@@ -19,6 +19,7 @@ from cad.messages import LOG
 from sensing.live.core.sink import reason_of
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
+from sensing.robot.layout import layout_of
 from sensing.robot.node.record import Report
 from sensing.tensegrity.description import Array, TensegrityRobot
 from sensing.tensegrity.samples import FootSample, InertialSample, LengthSample, Sample
@@ -81,8 +82,7 @@ class Way:
     def __init__(self, robot: TensegrityRobot) -> None:
         self._last, self._align = np.full(2, np.nan), np.eye(4)
         self._begun, self.path_m = False, 0.0
-        accelerated = [sensor.bar for sensor in robot.sensors if sensor.accelerometer]
-        self._leader = robot.bar_number(accelerated[0]) if accelerated else 0
+        self._leader = layout_of(robot).leader
 
     def report(self, estimate: RobotEstimate, truth: Array | None) -> Report:
         """The report of an estimate.
@@ -142,25 +142,28 @@ def run_robot(
 class _Moments:
     """Times of reports: every 0.05 s of arrivals, and during a silence as long as a prediction is possible.
 
-    Without the latter, the last report of a robot with a lost network would state good health.
+    Without the latter, the last report of a robot with a lost network would state good health. So would that of one
+    whose clock was set back: samples older than the newest one do not end a silence.
     """
 
     def __init__(self, estimator: RobotEstimator, silent_s: float) -> None:
         self._estimator, self._silent_s = estimator, silent_s
         self._next_s, self._last_s, self._heard_s = -math.inf, -math.inf, math.inf
+        self._newest_s = -math.inf  # capture time of the newest sample
         self._named: set[str] = set()
 
     def after_sample(self, at_s: float) -> RobotEstimate | None:
-        """Estimate at the newest sample; None if none is due, or predictions are already later.
+        """Estimate at the newest sample; None if none is due, or an estimate of that time or a later one is given.
 
         Args:
             at_s: arrival of a sample, s.
         """
-        self._heard_s = time.monotonic()
+        if self._estimator.newest_s > self._newest_s:
+            self._newest_s, self._heard_s = self._estimator.newest_s, time.monotonic()
         if at_s < self._next_s:
             return None
         self._next_s = at_s + REPORT_S
-        return self._reported(self._estimator.state() if self._estimator.newest_s >= self._last_s else None)
+        return self._reported(self._estimator.state() if self._newest_s > self._last_s else None)
 
     def in_silence(self) -> RobotEstimate | None:
         """Prediction over a time without samples."""

@@ -35,7 +35,7 @@ from sensing.simulator.press.press import Target
 from sensing.simulator.protocols.loading import LoadPath, Waypoint, timed
 from sensing.simulator.render.mesh import surface_mesh
 from sensing.simulator.render.settings import RenderSettings
-from sensing.simulator.robot.statics import WEIGHT_N, Stand, prism_mm, random_stand
+from sensing.simulator.robot.statics import WEIGHT_N, Stand, endcap_axes, prism_mm, random_stand
 from sensing.simulator.solid.geometry import shell_geometry
 from sensing.simulator.solid.surface import turn_about_axis, turn_wrench
 
@@ -190,15 +190,8 @@ def _screwed_on(rng: np.random.Generator) -> Array:
     """(6, 4, 4) T_robot_endcap, mm: z outward along the bar, turned at random; tip sphere at the prism's corner."""
     endcaps = prism_mm()
     poses = np.tile(np.eye(4), (ENDCAPS, 1, 1))
-    for endcap in range(ENDCAPS):
-        outward = endcaps[endcap] - endcaps[endcap ^ 1]
-        outward /= np.linalg.norm(outward)
-        side = np.cross(outward, [0.0, 0.0, 1.0])
-        side /= np.linalg.norm(side)
-        roll = float(rng.uniform(0, 2 * math.pi))
-        first = math.cos(roll) * side + math.sin(roll) * np.cross(outward, side)
-        poses[endcap, :3, :3] = np.stack([first, np.cross(outward, first), outward], axis=1)
-        poses[endcap, :3, 3] = endcaps[endcap] - outward * PARAMS.centre_height_mm
+    poses[:, :3, :3] = endcap_axes(rng, endcaps)
+    poses[:, :3, 3] = endcaps - poses[:, :3, 2] * PARAMS.centre_height_mm
     return poses
 
 

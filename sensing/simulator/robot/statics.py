@@ -87,7 +87,7 @@ def random_stand(rng: np.random.Generator, contacts: int, friction: float) -> St
     force += _cables(rng, endcaps, standing, force[:, 2], friction)
     touching = np.zeros(6, dtype=bool)
     touching[standing] = True
-    return Stand(_endcap_axes(rng, endcaps), endcaps, middle, touching, force, rope)
+    return Stand(endcap_axes(rng, endcaps), endcaps, middle, touching, force, rope)
 
 
 def supports(places_mm: Array, mass_centre_mm: Array) -> Array:
@@ -113,8 +113,13 @@ def _cables(
     return force
 
 
-def _endcap_axes(rng: np.random.Generator, endcaps: Array) -> Array:
-    """Endcap axes in the world (6, 3, 3): z outward along the bar, with a random turn about it."""
+def endcap_axes(rng: np.random.Generator, endcaps: Array) -> Array:
+    """Endcap axes in the world (6, 3, 3): z outward along the bar, with a random turn about it.
+
+    Args:
+        rng: source of the random numbers.
+        endcaps: (6, 3) centres of the endcaps.
+    """
     axes = []
     for endcap in range(6):
         outward = endcaps[endcap] - endcaps[endcap ^ 1]

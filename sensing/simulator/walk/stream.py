@@ -1,7 +1,7 @@
 """Samples of the robot's sensors in a simulated run, with noise, biases, rates and delays of real parts.
 
     arrivals = sensor_stream(walk, robot, SensorSet(), seed=1)       # in the order in which they arrive
-    for arrival in arrivals: estimator.take(arrival.sample)
+    arrivals[0].at_s, arrivals[0].sample
 
 The inertial data are differences of the simulated bar's velocity and attitude over the interval that **ends** at a
 sample's time (MuJoCo's own accelerometer does not fit its integrator), so that their sum is the motion.
@@ -44,7 +44,7 @@ class SensorSet:
     """Rates, noise and delays of the sensors.
 
     Attributes:
-        inertial_hz, length_hz, wrench_hz: rates, Hz, rounded to those that divide the rate of the truth.
+        inertial_hz, length_hz, wrench_hz: rates, Hz; each sample is that of the truth nearest to its tick.
         gyro_rad_s_rthz, acceleration_m_s2_rthz: white noise densities, Bosch BMI088 (data sheet: 0.014 degrees/s and
             175 micro-g a root Hz).
         gyro_zero_rad_s, acceleration_zero_m_s2: standard deviation of the remaining constant offsets (E: 0.1 degrees/s
@@ -162,7 +162,7 @@ def foot_samples(
 
     Args:
         walk: the run.
-        robot, endcap: the robot, and the name of one of its endcaps.
+        robot, endcap: the robot, and one of its endcaps.
         sensors: accuracy of the endcap.
         rng: random numbers of its errors.
     """
@@ -202,7 +202,7 @@ def true_wrenches(
 
     Args:
         walk: the run.
-        robot, endcap: the robot, and the name of one of its endcaps.
+        robot, endcap: the robot, and one of its endcaps.
         rows: numbers of samples of the run.
     """
     number, bar = robot.endcaps.index(endcap), robot.bar_number(endcap.bar)

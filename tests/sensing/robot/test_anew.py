@@ -118,3 +118,39 @@ def test_a_start_without_gyroscopes_is_made_again_once_they_report():
     assert any(note.startswith(f"begun without {names}:") for note in found[4.0].health.notes)
     assert not any(note.startswith("begun without") for note in found[5.5].health.notes)
     assert worst_turn_deg(found[5.5], poses) < 6
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("acceleration_m_s2", 157.0), ("acceleration_m_s2", 900.0), ("rate_rad_s", 35.0)]
+)
+def test_one_broken_sample_does_not_let_the_robot_fly(field, value):
+    """The full scale of a usual sensor, for 10 ms: it flew on at 1.5 m/s, 4.2 m after three seconds, stated 0.06."""
+    _, samples = standing_samples(ROBOT, 5.0, rate_hz=100.0, every=4)
+    estimator, leading, found = RobotEstimator(ROBOT), ROBOT.sensors[0].name, []
+    for sample in samples:
+        if getattr(sample, "sensor", "") == leading and sample.time_s == 2.0:
+            sample = replace(sample, **{field: getattr(sample, field) + np.array([value, 0.0, value / 2])})
+        feed(estimator, [sample])
+        if sample.time_s == pytest.approx([1.9, 2.6][min(len(found), 1)]):
+            found.append(estimator.state())
+    before, doubted, last = found[0], found[1], estimator.state()
+    assert any("contacts contradicted place and velocity" in note for note in doubted.health.notes)
+    assert [note for note in last.health.notes if not note.startswith("begun anew while it stood")] == []
+    away = last.centre_of_mass_m - before.centre_of_mass_m
+    assert np.linalg.norm(away) < 0.6 and away @ np.linalg.solve(last.centre_of_mass_covariance, away) < 11.3  # 99 %
+    assert np.linalg.norm(last.bars[0].velocity_m_s) < 0.05
+
+
+def test_a_start_while_a_hand_held_the_robot_is_made_again():
+    """It stayed 20 to 40 degrees off for good, and said so for good."""
+    poses, samples = standing_samples(ROBOT, 8.5, rate_hz=100.0)
+    estimator, held = RobotEstimator(ROBOT), None
+    for sample in samples:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0" and sample.time_s < 3.0:
+            sample = replace(sample, force_n=sample.force_n + 40.0 * np.eye(3)[0])
+        feed(estimator, [sample])
+        held = estimator.state() if sample.time_s == 3.0 else held
+    last = estimator.state()
+    assert any("in no balance" in note for note in held.health.notes) and worst_turn_deg(held, poses) > 10
+    assert [note for note in last.health.notes if not note.startswith("begun anew while it stood")] == []
+    assert worst_turn_deg(last, poses) < 6

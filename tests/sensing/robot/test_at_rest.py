@@ -31,6 +31,8 @@ def test_it_stands_where_it_is():
         assert np.linalg.norm(bar.T_world_bar[:2, 3] - (pose[:3, 3] - centre)[:2]) < 0.02
     assert [endcap.hold.word for endcap in estimate.endcaps] == ["holds", "free"] * 3
     assert all(abs(endcap.normal[2] - 1) < 0.01 for endcap in estimate.endcaps[::2])
+    contacts_m = [endcap.contact_m[2] for endcap in estimate.endcaps[::2]]
+    assert abs(np.mean(contacts_m)) < 3e-3  # they are on the ground: domes yield by 10 mm
     assert estimate.health.good and abs(estimate.health.weight_ratio - 1) < 0.05
 
 
@@ -85,6 +87,15 @@ def test_missing_streams_are_named():
     assert "endcap_0: no reading yet" in notes
     later = "\n".join(estimator.state(at=1.5).health.notes)
     assert "cable lengths: no sample for 0.5 s" in later and "imu_green: no sample for 0.5 s" in later
+
+
+def test_without_accelerometer_a_bar_with_a_gyroscope_leads():
+    """The first bar led, which has none here: its pose was held from the start on, though two gyroscopes reported."""
+    two = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=False) for sensor in ROBOT.sensors[1:]))
+    estimator = RobotEstimator(two)
+    feed(estimator, standing_samples(two, 2.0)[1])
+    notes = estimator.state().health.notes
+    assert any("no accelerometer" in note for note in notes) and not any("pose held" in note for note in notes)
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 1.0, 2.5, -2.5])

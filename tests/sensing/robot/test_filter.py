@@ -280,20 +280,3 @@ def test_the_unloaded_dome_moves_with_its_bars_velocity_as_finite_differences_do
             slopes = slope[:, LAYOUT.velocity(0)][:, axis]
         assert (places[1] - places[0]) / (2 * size) == pytest.approx(slopes, abs=1e-9)
         assert np.linalg.norm(slopes) == pytest.approx(0.02 * [0.6, 0.0, 0.8][axis])
-
-
-def test_the_unloaded_dome_moves_with_its_softness_as_finite_differences_do():
-    settings, size = Settings(), 1e-3
-    turn = LAYOUT.endcap_turn[0]
-    sample = FootSample(0.0, ROBOT.endcaps[0].name, turn.T @ [8.0, -3.0, 40.0], np.zeros(3), np.eye(6) * 1e-4, True)
-    contact = contact_of(sample, 0, LAYOUT, settings)
-    places, slopes = [], []
-    for softness in (0.1 - size, 0.1, 0.1 + size):
-        state = empty_state(LAYOUT, 0.0)
-        state.turn[:], state.softness[0] = Moving(2).turn, softness
-        centre = dome_centre(state, 0, contact, LAYOUT, settings)
-        place, slope = unloaded(state, 0, centre, LAYOUT)
-        places.append(place)
-        slopes.append(slope[:, LAYOUT.softness])
-    assert ((places[2] - places[0]) / (2 * size)) @ UP == pytest.approx(slopes[1] @ UP)  # learned along the normal only
-    assert slopes[1] == pytest.approx(settings.compliance_m_n * (state.turn[0] @ contact.force_n)[2] * UP)

@@ -84,9 +84,43 @@ def test_one_impossible_length_counts_as_missing():
             ],
         )
         taken.append(estimator.state())
+    assert 'cable "green-blue second": no length, or none that fits, yet' in taken[0].health.notes
     for estimate in taken[1:]:
         assert (estimate.bars[1].T_world_bar == taken[0].bars[1].T_world_bar).all()
         assert 'cable "' in estimate.health.notes[0] and estimate.health.ignored == 0
+
+
+@pytest.mark.parametrize("jump_m", [0.03, 0.1, -0.3])
+def test_a_length_that_jumps_once_counts_as_missing(jump_m):
+    """It counted as a shape in which no length fits, so it was taken: 0.1 m turned a bar by 8 degrees."""
+    found = []
+    for off_m in (np.nan, jump_m):
+        estimator = RobotEstimator(ROBOT)
+        for sample in SAMPLES:
+            if isinstance(sample, LengthSample) and 1.7 < sample.time_s < 1.73:
+                lengths_m = sample.lengths_m.copy()
+                lengths_m[3] += off_m
+                feed(estimator, [replace(sample, lengths_m=lengths_m)])
+                found.append(estimator.state())
+            else:
+                feed(estimator, [sample])
+        found.append(estimator.state())
+    missing, later, jumped, later_jumped = found
+    assert missing.health.rejected == 0 and jumped.health.rejected == 1 and later_jumped.health.good
+    for one, other in ((missing, jumped), (later, later_jumped)):
+        assert all((a.T_world_bar == b.T_world_bar).all() for a, b in zip(one.bars, other.bars, strict=True))
+
+
+def test_a_length_that_stays_off_is_no_jump():
+    """A filter that left it out for good would never come back from a wrong shape."""
+    estimator, rejected = RobotEstimator(ROBOT), []
+    for sample in SAMPLES:
+        if isinstance(sample, LengthSample) and sample.time_s > 1.7:
+            sample = replace(sample, lengths_m=sample.lengths_m + 0.3 * (np.arange(9) == 3))
+        feed(estimator, [sample])
+        if isinstance(sample, LengthSample) and sample.time_s > 1.7:
+            rejected.append(estimator.state().health.rejected)
+    assert rejected[:2] == [1, 0] and not estimator.state().health.good
 
 
 def test_lengths_in_millimetres_are_named_before_there_is_an_estimate():
@@ -109,6 +143,31 @@ def test_wrenches_of_no_contact_on_the_dome_are_named():
     assert named == ["endcap_0", "endcap_2", "endcap_4"] and not notes[0]
 
 
+def test_numbers_that_their_sender_calls_invalid_count_as_none():
+    """Zeros in them meant an endcap that touches nothing."""
+    sample = foot(force_n=0.0)
+    message = ros.decode(ros.ENDCAP_WRENCH, messages.sample_message(sample, (), 0)[1])
+    assert (messages.sample_from(ros.ENDCAP_WRENCH, message, 0).force_n == 0).all()
+    found = messages.sample_from(ros.ENDCAP_WRENCH, replace(message, valid=False), 0)
+    assert np.isnan(found.force_n).all() and found.touching is None
+
+
+@pytest.mark.parametrize("touching", [None, True])
+def test_readings_without_numbers_are_named(touching):
+    """Of an endcap whose pictures show nothing, health was good, and with a contact bit it was said to hold."""
+    estimator = RobotEstimator(ROBOT)
+    for sample in standing_samples(ROBOT, 3.2, rate_hz=100.0, every=5)[1]:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0" and sample.time_s > 2.0:
+            nothing = np.full(3, np.nan)
+            sample = replace(sample, force_n=nothing, torque_nm=nothing, touching=touching)
+        feed(estimator, [sample])
+        if sample.time_s == pytest.approx(2.9):  # a second is no fault yet
+            assert estimator.state().health.good
+    estimate = estimator.state()
+    assert [note for note in estimate.health.notes if note.startswith("endcap_0: no valid force for 1.1 s")]
+    assert [endcap.hold.word for endcap in estimate.endcaps] == ["unknown", "free", *["holds", "free"] * 2]
+
+
 def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
     """sensor_msgs/Imu has -1 as the first covariance of what is not measured; its zeros were taken for a rate."""
     sample = InertialSample(1.0, "imu_red", np.zeros(3), np.array([0.0, 0.0, 9.81]))
@@ -122,6 +181,20 @@ def test_an_inertial_message_that_measures_no_rate_is_no_bar_that_stands():
     green = [s if getattr(s, "sensor", "") not in names else replace(s, rate_rad_s=nan) for s in SAMPLES]
     feed(estimator, green)
     assert any("imu_green: no sample" in note for note in estimator.state().health.notes)
+
+
+@pytest.mark.parametrize("filled", [0.0, np.nan, 1e6])
+def test_what_fills_the_acceleration_of_a_sensor_without_accelerometer_changes_nothing(filled):
+    """Zeros, as many drivers fill it, were taken for a fall: no estimate for ten seconds, and none that was good."""
+    estimates = []
+    for value in (None, np.full(3, filled)):
+        estimator = RobotEstimator(ROBOT)
+        named = {sensor.name for sensor in ROBOT.sensors if not sensor.accelerometer}
+        for sample in SAMPLES:
+            of_gyroscope = getattr(sample, "sensor", "") in named
+            feed(estimator, [replace(sample, acceleration_m_s2=value) if of_gyroscope else sample])
+        estimates.append(estimator.state())
+    assert estimate_text(estimates[0]) == estimate_text(estimates[1]) and estimates[0].health.good
 
 
 @pytest.mark.parametrize(("factor", "frames"), [(5.0, 1), (0.1, 1), (5.0, 2), (5.0, 10)])

@@ -174,6 +174,16 @@ def test_lengths_are_put_in_the_order_of_the_description():
     assert np.array_equal(sample.lengths_m, [np.nan, 8, 7, 6, 5, 4, 3, 2, 1], equal_nan=True)
 
 
+def test_lengths_of_other_names_than_the_cables_are_named_once(capsys):
+    """None of them counted, and nothing said why there was never an estimate."""
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=7, nanosec=5))
+    message = SimpleNamespace(header=header, name=["motor 1", "motor 2"], position=[0.5, 0.5])
+    source = LiveRobot(ROBOT, domain=DOMAIN)
+    assert all(np.isnan(source._sample(messages.JOINTS, "", message).lengths_m).all() for _ in range(3))
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "/cable_lengths: motor 1, motor 2: no cables of the robot" in said
+
+
 def test_the_topic_says_whose_a_sample_is_whatever_its_driver_calls_the_axes():
     source = LiveRobot(ROBOT, domain=DOMAIN)
     for sample in standing_samples(ROBOT, 0.1)[1][:12]:

@@ -84,6 +84,14 @@ def test_a_force_and_its_covariance_are_turned_into_the_bars_axes():
     assert found.force_covariance == pytest.approx(turn @ spread[:3, :3] @ turn.T)
 
 
+@pytest.mark.parametrize("unknown", [0.0, -1.0, np.nan])
+def test_a_covariance_that_says_nothing_counts_as_none(unknown):
+    """With zeros, as messages have them that nobody filled, every noise of a force taught softness."""
+    found, none = (under([1.0, 2.0, -30.0], np.eye(6) * value) for value in (unknown, np.nan))
+    assert found.force_covariance == pytest.approx(none.force_covariance) and found.normal_sd == none.normal_sd
+    assert np.diag(found.force_covariance).min() > 0.04
+
+
 @pytest.mark.parametrize(("force_n", "said", "touches"), [(1.0, None, False), (2.0, None, True), (1.0, True, True)])
 def test_a_sample_without_a_contact_bit_touches_from_the_least_force_on(force_n, said, touches):
     found = under([0.0, 0.0, -force_n], touching=said)
@@ -229,7 +237,9 @@ def leaning_state():
         [0.6, 0.0, 0.8],
         [0.3, -0.1, -0.4],
     )
-    return state, contact_of(sample, 0, LAYOUT, Settings())
+    contact = contact_of(sample, 0, LAYOUT, Settings())
+    count_load(state, 0, contact, True, LAYOUT)
+    return state, contact
 
 
 @pytest.mark.parametrize(("name", "at"), [("delay_s", LAYOUT.delay), ("softness", LAYOUT.softness)])
@@ -263,7 +273,6 @@ def test_a_dome_is_pressed_as_fast_as_its_own_centre_nears_the_ground():
 def test_a_load_teaches_softness_where_it_differs_by_more_than_two_readings_errors(sds, counts):
     """Three deviations of a difference, whose variance is that of both."""
     state, contact = leaning_state()
-    count_load(state, 0, contact, True, LAYOUT)
     before, unit = state.load_n[0].copy(), contact.force_n / np.linalg.norm(contact.force_n)
     along = state.normal[0] @ state.turn[int(LAYOUT.endcap_bar[0])]
     heavier = replace(contact, force_n=contact.force_n + sds * 1e-2 * unit / (along @ unit))

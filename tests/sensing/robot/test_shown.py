@@ -181,7 +181,7 @@ def test_the_covariance_of_a_twist_is_that_of_drawn_turns_and_velocities(report)
     velocity, root = np.array([0.4, -0.2, 0.1]), 0.01 * rng.normal(size=(9, 9))
     root[5] += 0.05 * rng.normal(size=9)
     root[6:8] += np.outer([-velocity[1], velocity[0]], root[5])  # the velocity turns with the heading
-    moving = replace(bar, velocity_m_s=velocity, covariance=root @ root.T, rate_covariance=np.diag([1.0, 4.0, 9.0]))
+    moving = replace(bar, velocity_m_s=velocity, covariance=root @ root.T, bar_rate_covariance=np.diag([1.0, 4.0, 9.0]))
     errors = rng.normal(size=(4000, 9)) @ root.T
     R = bar.T_world_bar[:3, :3]
     drawn = [(rotation_of(error[3:6]) @ R).T @ (velocity + error[6:]) for error in errors]
@@ -189,4 +189,4 @@ def test_the_covariance_of_a_twist_is_that_of_drawn_turns_and_velocities(report)
     covariance = np.array(twist.covariance).reshape(6, 6)
     expected = np.cov(np.array(drawn).T)
     assert covariance[:3, :3] == pytest.approx(expected, abs=0.08 * np.trace(expected))
-    assert covariance[3:, 3:] == pytest.approx(R.T @ np.diag([1.0, 4.0, 9.0]) @ R)
+    assert covariance[3:, 3:] == pytest.approx(np.diag([1.0, 4.0, 9.0]))

@@ -103,6 +103,27 @@ def test_after_a_silence_it_stands_a_while_and_begins_anew():
     assert np.sqrt(last.bars[0].covariance[3, 3]) < 0.02  # gravity says again which way is up
 
 
+def test_while_the_pose_is_held_a_bar_turns_as_fast_as_its_gyroscope_says():
+    """It was said to stand, to 0.006 rad/s, and its sensors to send nothing, until the robot stood for a second."""
+    robot = replace(ROBOT, sensors=tuple(replace(sensor, accelerometer=True) for sensor in ROBOT.sensors))
+    estimator, rate = RobotEstimator(robot), np.array([0.0, 0.3, 1.0])
+    for sample in standing_samples(robot, 5.0, rate_hz=100.0)[1]:
+        if isinstance(sample, InertialSample) and sample.time_s > 2.0:
+            if sample.time_s < 4.0:
+                continue
+            sample = replace(sample, rate_rad_s=sample.rate_rad_s + rate)
+        feed(estimator, [sample])
+    estimate = estimator.state()
+    assert any("pose held" in note for note in estimate.health.notes)
+    assert not any("no sample" in note for note in estimate.health.notes)
+    for sensor in robot.sensors:
+        bar = estimate.bars[robot.bar_number(sensor.bar)]
+        turned = sensor.T_bar_imu[:3, :3].T @ bar.T_world_bar[:3, :3].T @ bar.rate_rad_s
+        assert turned == pytest.approx(rate, abs=0.02)
+        assert np.trace(bar.rate_covariance) > 0.1  # nobody knows in which direction, beside the bar itself:
+        assert np.trace(bar.bar_rate_covariance) < 0.01**2
+
+
 def test_what_begins_anew_is_finite_between_its_first_samples():
     """Asked before the first sample after the new start, covariances were NaN."""
     _, samples = standing_samples(ROBOT, 5.5, rate_hz=100.0)

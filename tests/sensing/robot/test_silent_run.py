@@ -28,8 +28,8 @@ class Paused:
 
     robot = ROBOT
 
-    def __init__(self, samples=SAMPLES, pause_s=4.0):
-        self.now_s, self._samples, self._pause_s = 0.0, samples, pause_s
+    def __init__(self, samples=SAMPLES, pause_s=4.0, back_s=0.0):
+        self.now_s, self._samples, self._pause_s, self._back_s = 0.0, samples, pause_s, back_s
 
     def arrivals(self):
         for sample in self._samples:
@@ -38,7 +38,7 @@ class Paused:
                 self.now_s += 0.002
                 yield None
             self.now_s = sample.time_s + late_s
-            yield self.now_s, replace(sample, time_s=self.now_s)
+            yield self.now_s, replace(sample, time_s=self.now_s - (self._back_s if sample.time_s > 2.0 else 0.0))
 
     def truth(self, _):
         return None
@@ -77,6 +77,16 @@ def test_a_silent_robot_is_not_called_healthy(run):
         assert {endcap.hold.word for endcap in estimate.endcaps} == {"unknown"}
     before = [estimate for estimate in estimates if 1.5 < estimate.time_s < 2.0]
     assert before and all(estimate.health.good for estimate in before) and estimates[-1].time_s > silent[-1].time_s
+
+
+def test_a_robot_whose_clock_is_set_back_is_not_called_healthy(monkeypatch):
+    """Samples that all come too late kept the last estimate alive, in good health, until the clock had caught up."""
+    source, kept = Paused(pause_s=0.0, back_s=5.0), Kept()
+    monkeypatch.setattr(run_module, "time", SimpleNamespace(monotonic=lambda: source.now_s))
+    run_robot(source, RobotEstimator(ROBOT), [kept], lambda: False, silent_s=SILENT_S)
+    times = [report.estimate.time_s for report in kept.reports]
+    assert times == sorted(set(times)) and times[-1] > 2.7
+    assert not any(report.estimate.health.good for report in kept.reports if report.estimate.time_s > 2.05)
 
 
 def test_its_recording_gives_the_same_bits(run):

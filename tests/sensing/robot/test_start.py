@@ -151,6 +151,22 @@ def test_cables_that_still_move_begin_the_start_anew():
     assert first_estimate(moving).time_s > 1.3
 
 
+@pytest.mark.parametrize("late_s", [0.8, 1.5, 12.0])
+def test_lengths_that_come_late_turn_no_first_shape(late_s):
+    """The first attitude contained the gyroscopes' biases times the wait: half a degree after a second, stated 0.15."""
+    poses, samples = standing_samples(ROBOT, late_s + 1.2, rate_hz=100.0)
+    bias = np.array([math.radians(0.5), 0.0, 0.0])
+    late = [
+        replace(s, rate_rad_s=s.rate_rad_s + bias) if isinstance(s, InertialSample) else s
+        for s in samples
+        if s.time_s >= late_s or not isinstance(s, LengthSample)
+    ]
+    estimate = first_estimate(late)
+    assert late_s + 0.9 <= estimate.time_s < late_s + 1.1 and estimate.health.good
+    away = np.cross(poses[0][2, :3], estimate.bars[0].T_world_bar[2, :3])  # of the world's z, in the leading bar's axes
+    assert np.linalg.norm(away) < 3 * np.sqrt(estimate.bars[0].covariance[3, 3])
+
+
 def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
     _, samples = rocking_samples(3.0, math.radians(7.0), math.radians(120.0))
     assert first_estimate(samples) is None
@@ -158,6 +174,21 @@ def test_a_robot_that_never_stands_begins_at_the_limit_and_says_so():
     assert 1.9 < estimate.time_s < 2.2  # the last start before the limit may begin where it swings through rest
     assert any("begun while the robot moved" in note for note in estimate.health.notes)
     assert np.sqrt(estimate.bars[0].covariance[3, 3]) > MOVES_RAD / 2  # the readings since have narrowed it
+
+
+@pytest.mark.parametrize("off_rad_s", [0.04, 0.06, 0.09])
+def test_a_steady_rate_of_a_robot_that_stands_is_a_bias(off_rad_s):
+    """From 0.05 rad/s (3 degrees/s, as many sensors have) it was none: bars turned by 20 degrees in ten seconds."""
+    estimator, found = RobotEstimator(ROBOT), []
+    for sample in standing_samples(ROBOT, 6.5, rate_hz=100.0)[1]:
+        if isinstance(sample, InertialSample):
+            sample = replace(sample, rate_rad_s=sample.rate_rad_s + off_rad_s * np.array([0.6, 0.0, 0.8]))
+        feed(estimator, [sample])
+        if sample.time_s in (1.5, 6.0):
+            found.append(estimator.state())
+    assert found[-1].health.good
+    turns = [turn_between(a.T_world_bar, b.T_world_bar) for a, b in zip(found[-1].bars, found[0].bars, strict=True)]
+    assert np.degrees(np.linalg.norm(turns, axis=1)).max() < 3
 
 
 @pytest.mark.parametrize("late_s", [0.001, 0.003, 0.009])

@@ -155,6 +155,8 @@ def _health(state: State, ignored: int, impossible: Sequence[str], layout: Layou
     lengths, anchors = (float(value) for value in state.consistency)
     if lengths > INCONSISTENT:
         notes.append(f"cable lengths are off by {lengths**0.5:.1f} times what is expected: check attachments")
+    if anchors > INCONSISTENT:
+        notes.append(f"contacts are off by {anchors**0.5:.1f} times what is expected")
     if abs(state.weight_ratio - 1) > WEIGHT_OFF:
         notes.append(
             f"the endcaps carry {state.weight_ratio:.2f} of the weight: something else touches, or forces are off"

@@ -28,7 +28,7 @@ LIMIT = 25.0  # normalised innovation squared beyond which a length is rejected 
 MISFIT = 4.0  # mean normalised innovation squared from which the covariance of the shape is increased
 FITS = 1.0  # mean normalised innovation squared of lengths that fit: their variance contains errors that stay, too
 LOOSE, LOOSE_M = 0.02, 0.005  # E: standard deviations that are then added per sample, rad and m
-# Fading mean of normalised innovations squared from which contacts contradict the motion. E: tuning runs stay below 2.6,
+# Fading mean of squared normalised errors from which contacts contradict the motion. E: tuning runs stay under 2.6,
 # with wrong settings below 3.4 (a hard stop in a run that was held out reaches 9); 157 m/s^2 for 10 ms bring it to 94.
 CONTRADICTED = 25.0
 LOST_RAD, LOST_M_S, LOST_M = 0.1, 1.0, 0.2  # E: standard deviations that are then added

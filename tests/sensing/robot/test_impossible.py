@@ -113,7 +113,7 @@ def test_a_length_that_jumps_once_counts_as_missing(jump_m):
 
 
 def test_lengths_that_are_all_a_little_off_are_no_jump():
-    """Linear steps leave all lengths off at times: with the largest alone left out, the drift on a slope rose by a third."""
+    """Linear steps leave all lengths off: with the largest alone left out, one run drifted by a third more."""
     fits = np.append(np.full(8, 0.5), np.nan)
     assert not _misfits(np.append(fits, 60.0), again=False) and _misfits(np.append(fits, 60.0), again=True)
     assert _misfits(np.append(np.full(8, 3.0), 60.0), again=False)

@@ -1,6 +1,7 @@
 """What was made for one endcap is refused for another, by the name of what differs: every kind of file."""
 
 import json
+from types import SimpleNamespace
 from dataclasses import replace
 
 import numpy as np
@@ -44,10 +45,11 @@ def other_dots(monkeypatch):
 @pytest.fixture
 def begun(tmp_path, monkeypatch):
     """A data set that has been begun, without the cost of its mesh."""
-    monkeypatch.setattr(writer, "rest_arrays", lambda request: {"dots_mm": np.zeros((1, 3))})
+    monkeypatch.setattr(writer, "studio", lambda request: SimpleNamespace(simulator=None))
+    monkeypatch.setattr(writer, "rest_arrays", lambda simulator: {"dots_mm": np.zeros((1, 3))})
     folder = tmp_path / "set"
     folder.mkdir()
-    writer._begin(DataRequest(3), folder)
+    writer._begin(DataRequest(3), folder, 1, None)
     return folder
 
 
@@ -78,14 +80,14 @@ def test_weights_carry_what_they_are_for(tmp_path, other_dots, monkeypatch):
 
 
 def test_a_data_set_is_not_extended_with_another_pattern_or_mesh(begun, other_dots, monkeypatch):
-    writer._begin(DataRequest(30), begun)  # the same, and larger
+    writer._begin(DataRequest(30), begun, 1, None)  # the same, and larger
     assert LabelledSet(begun).identity == DataRequest(3).identity
     with monkeypatch.context() as patch, pytest.raises(FileError, match=r"core_rings_layers=\[6, 9, 1\], here \[6, 10"):
         patch.setattr("sensing.simulator.dataset.request.DENSITIES", {"data": finer()})
-        writer._begin(DataRequest(3), begun)
+        writer._begin(DataRequest(3), begun, 1, None)
     other_dots()
     with pytest.raises(FileError, match="holds a set " + PATTERN):
-        writer._begin(DataRequest(3), begun)
+        writer._begin(DataRequest(3), begun, 1, None)
     with pytest.raises(FileError, match="labelled frames " + PATTERN):
         read_samples(begun)
 

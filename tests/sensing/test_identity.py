@@ -1,8 +1,8 @@
 """What was made for one endcap is refused for another, by the name of what differs: every kind of file."""
 
 import json
-from types import SimpleNamespace
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest

@@ -24,7 +24,7 @@ from sensing.robot.layout import layout_of
 from sensing.robot.report import report_of
 from sensing.robot.samples_check import SampleCheck
 from sensing.robot.settings import DEFAULTS, KnownContact, Settings
-from sensing.robot.silence import doubtful, follow_on, pauses
+from sensing.robot.silence import doubtful, follow_on, pauses, tries_balance
 from sensing.robot.start import Gathered, begin, first_leader, gather, goes_on, lengths_late, moves, nothing_gathered
 from sensing.robot.state import State, empty_state
 from sensing.tensegrity.description import TensegrityRobot
@@ -146,9 +146,11 @@ class RobotEstimator:
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
         if progress.state is not None:
             self._filter.take(progress.state, time_s, samples, self._coming(time_s, samples))
-            wanted = progress.state.held_s or doubtful(progress.state)
+            wanted = progress.state.held_s or doubtful(progress.state) or tries_balance(progress.state)
             if wanted and progress.gathered is None and self._filter.measures(samples):
                 progress.gathered = nothing_gathered(self._layout, time_s)
+            elif progress.state.began_unbalanced and not wanted:  # it walked on until the tries were over
+                progress.gathered = None
         gathered = progress.gathered
         if gathered is None:
             return
@@ -170,13 +172,21 @@ class RobotEstimator:
         if settling and waits:
             progress.gathered = again
         elif enough and (gathered.length_counts > 0).any():
-            layout = self._layout.led_by(first_leader(gathered, self._layout))
-            state = empty_state(layout, time_s)
-            begin(state, gathered, layout, self.settings, progress.stands)
-            if progress.state is not None:
-                follow_on(state, progress.state, layout)
-            progress.state, progress.gathered = state, None
-            progress.began_s, progress.stands = time_s if np.isnan(progress.began_s) else progress.began_s, True
+            self._begin(progress, gathered, time_s)
+
+    def _begin(self, progress: _Progress, gathered: Gathered, time_s: float) -> None:
+        """Begin, or begin anew: but from one start in no balance with another one nothing is won."""
+        layout = self._layout.led_by(first_leader(gathered, self._layout))
+        before, progress.gathered = progress.state, None
+        state = empty_state(layout, time_s)
+        begin(state, gathered, layout, self.settings, progress.stands)
+        progress.stands = True
+        if before is not None:
+            if state.began_unbalanced and before.began_unbalanced and not (before.held_s or doubtful(before)):
+                before.tried_s = time_s
+                return
+            follow_on(state, before, layout)
+        progress.state, progress.began_s = state, time_s if np.isnan(progress.began_s) else progress.began_s
 
     def _gather(self, gathered: Gathered, time_s: float, samples: list[AnySample]) -> None:
         if np.isnan(gathered.first_s):

@@ -81,7 +81,8 @@ class Filter:
                 contacts.take(state, self._endcap_of[sample.endcap], sample, layout, self.settings)
             elif isinstance(sample, KnownContact):
                 state.known[self._endcap_of[sample.endcap]] = sample
-        if state.consistency[1] > CONTRADICTED:
+        forces = self.settings.contacts in (Contacts.WRENCH, Contacts.KNOWN)  # a bit alone is wrong too often
+        if forces and state.consistency[1] > CONTRADICTED:
             self._loosen_motion(state)
 
     def led(self, state: State) -> Layout:

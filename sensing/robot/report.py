@@ -270,8 +270,7 @@ def _begun(state: State, layout: Layout) -> list[str]:
     if state.began_unbalanced:
         notes.append(
             "begun with forces under which the bars are in no balance: the shape is wrong by more than its covariance "
-            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touches: "
-            "it is measured again while the robot stands"
+            "says: check the endcaps' names, bar, end and turn_deg in the description, and that nothing else touches"
         )
     return notes
 

@@ -20,7 +20,7 @@ from sensing.tensegrity.vectors import minus_cross
 
 HELD_AFTER_S = 1.0  # duration of a silence after which the pose is held
 GONE_S = 3.0  # E: after it a silent gyroscope is not waited for
-TRIED_S = 5.0  # E: time from one start with forces in no balance to the next
+TRIED_S, TRIES_S = 5.0, 10.0  # E: time from one try of a start in no balance to the next, and from the first start on
 UNSEEN_S = 0.1  # largest time in which several gyroscopes may be silent at once
 MOVES_M_S, TURNS_RAD_S = 0.2, 0.3  # E: standard deviations of the motion of a robot that is not measured
 MOST_TURN = math.pi / math.sqrt(3)  # standard deviation of an unknown rotation: uniform over a turn
@@ -102,8 +102,7 @@ def doubtful(state: State) -> bool:
     """Whether the error of the shape may exceed its covariance, so that a new start would be better.
 
     A start without an endcap's force or a gyroscope is no better as long as these send nothing, and one with no endcap
-    on the ground no better until one is on it. Forces in no balance may be those of a hand, or of a wrong description:
-    they are tried again at once, then now and then.
+    on the ground no better until one is on it.
 
     Args:
         state: state of the filter.
@@ -112,8 +111,20 @@ def doubtful(state: State) -> bool:
     heard &= all(state.time_s - state.rate_s[bar] <= state.silent_after_s[bar] for bar in state.began_unmeasured)
     lands = state.began_lifted and any(one is not None and one.known and one.touching for one in state.contacts)
     lacked = bool(state.began_silent or state.began_unmeasured)
-    tries = state.began_unbalanced and state.time_s - state.anew_s > TRIED_S
-    return state.began_moving or lands or tries or state.lost or state.unseen_s >= UNSEEN_S or (lacked and heard)
+    return state.began_moving or lands or state.lost or state.unseen_s >= UNSEEN_S or (lacked and heard)
+
+
+def tries_balance(state: State) -> bool:
+    """Whether a start with forces in no balance is tried again: at once and a little later, not at each stop of a walk.
+
+    They may be those of a hand, which lets go, but also of a wrong description or noise. Where a new start finds no
+    balance either, it is no better, and the state stays.
+
+    Args:
+        state: state of the filter.
+    """
+    soon = state.time_s - state.first_s < TRIES_S
+    return state.began_unbalanced and soon and state.time_s - state.tried_s > TRIED_S
 
 
 def pauses(state: State) -> bool:
@@ -181,11 +192,11 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     about = layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, _of_place(held, layout), layout)
-    state.friction, state.anew_s = held.friction.copy(), state.time_s
+    state.friction, state.first_s, state.anew_s = held.friction.copy(), held.first_s, state.time_s
     state.lengths_s, state.reading_s, state.contacts = (
         held.lengths_s.copy(), held.reading_s.copy(), held.contacts.copy()
     )  # fmt: skip
-    if doubtful(held):  # values learned with a wrong shape are wrong, too
+    if held.began_unbalanced or doubtful(held):  # values learned with a wrong shape are wrong, too
         return
     state.delay_s, state.creep, state.softness = held.delay_s.copy(), held.creep.copy(), held.softness.copy()
     state.covariance[layout.vectors :, layout.vectors :] = held.covariance[layout.vectors :, layout.vectors :]

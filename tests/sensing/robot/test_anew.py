@@ -10,6 +10,7 @@ import pytest
 from long_cases import others_long
 from standing_robot import feed, standing_samples
 
+import sensing.robot.estimator as estimator_module
 from sensing.robot.estimator import RobotEstimator
 from sensing.robot.settings import Settings
 from sensing.tensegrity.robot_file import load_robot
@@ -140,6 +141,20 @@ def test_one_broken_sample_does_not_let_the_robot_fly(field, value, most_m):
     away = last.centre_of_mass_m - before.centre_of_mass_m
     assert np.linalg.norm(away) < most_m and away @ np.linalg.solve(last.centre_of_mass_covariance, away) < 11.3  # 99 %
     assert np.linalg.norm(last.bars[0].velocity_m_s) < 0.05
+
+
+def test_a_start_in_no_balance_makes_way_for_a_balanced_one_alone_and_not_at_every_stop(monkeypatch):
+    """With noisy forces a new start threw away a shape that lengths and gyroscopes had found meanwhile."""
+    tried, real = set(), estimator_module.begin
+    monkeypatch.setattr(estimator_module, "begin", lambda state, *more: (tried.add(state.time_s), real(state, *more)))
+    estimator = RobotEstimator(ROBOT)
+    for sample in standing_samples(ROBOT, 13.0, rate_hz=50.0)[1]:
+        if isinstance(sample, FootSample) and sample.endcap == "endcap_0":
+            sample = replace(sample, force_n=sample.force_n + 40.0 * np.eye(3)[0])
+        feed(estimator, [sample])
+    notes = estimator.state().health.notes
+    assert 3 <= len(tried) <= 4 and max(tried) < 11.5
+    assert any("in no balance" in note for note in notes) and not any("begun anew" in note for note in notes)
 
 
 def test_a_start_while_a_hand_held_the_robot_is_made_again():

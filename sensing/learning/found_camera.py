@@ -9,13 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cad.errors import FileError
 from cad.params import EndcapParams
 from sensing.calibration.dots import find_dots, pattern_points
 from sensing.calibration.from_dots import calibrate_from_dots
 from sensing.calibration.rest_camera import rest_camera
+from sensing.camera.model import Array
 from sensing.camera.mount import MountedCamera
 from sensing.camera.nominal import nominal_mount
 from sensing.decode import decode_bgr
@@ -25,7 +25,6 @@ from sensing.tracking.model_input import ModelInput
 from sensing.tracking.tracker import DotTracker
 from sensing.tracking.zero import single_zero
 
-Array = NDArray[np.float64]
 FRAME_PX = (640, 480)  # width and height of the calibrated pictures
 PAINT_PX = 1.2  # error of a painted dot's place along each axis (M: docs/optics.md, 1.6 to 2 px of distance, rms)
 

@@ -146,10 +146,11 @@ class RobotEstimator:
     def _take(self, progress: _Progress, time_s: float, samples: list[AnySample]) -> None:
         if progress.state is not None:
             self._filter.take(progress.state, time_s, samples, self._coming(time_s, samples))
-            wanted = progress.state.held_s or doubtful(progress.state) or tries_balance(progress.state)
+            state, began_s = progress.state, progress.began_s
+            wanted = state.held_s or doubtful(state) or tries_balance(state, began_s)
             if wanted and progress.gathered is None and self._filter.measures(samples):
                 progress.gathered = nothing_gathered(self._layout, time_s)
-            elif progress.state.began_unbalanced and not wanted:  # it walked on until the tries were over
+            elif state.began_unbalanced and not wanted:  # it walked on until the tries were over
                 progress.gathered = None
         gathered = progress.gathered
         if gathered is None:

@@ -252,11 +252,11 @@ class Filter:
             give_up(state)
         layout, larger = self.led(state), float(state.consistency[1]) / CONTRADICTED
         shift = np.zeros((layout.size, 3))
-        shift[3 * layout.bars : 6 * layout.bars] = np.tile(np.eye(3), (layout.bars, 1))
         for bar in range(layout.bars):
             slopes, velocity = turn_slopes(state, bar, layout), layout.velocity(bar)
             state.covariance += (0.0 if state.lost else LOST_RAD**2) * slopes @ slopes.T
             state.covariance[velocity, velocity] += larger * LOST_M_S**2 * np.eye(3)
+            shift[layout.place(bar)] = np.eye(3)
         for endcap in np.flatnonzero(state.anchored):
             shift[layout.anchor(int(endcap))] = np.eye(3)
         moved_m = LOST_M + LOST_S * float(np.linalg.norm(state.velocity.mean(axis=0)))

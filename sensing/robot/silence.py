@@ -114,7 +114,7 @@ def doubtful(state: State) -> bool:
     return state.began_moving or lands or state.lost or state.unseen_s >= UNSEEN_S or (lacked and heard)
 
 
-def tries_balance(state: State) -> bool:
+def tries_balance(state: State, began_s: float) -> bool:
     """Whether a start with forces in no balance is tried again: at once and a little later, not at each stop of a walk.
 
     They may be those of a hand, which lets go, but also of a wrong description or noise. Where a new start finds no
@@ -122,8 +122,9 @@ def tries_balance(state: State) -> bool:
 
     Args:
         state: state of the filter.
+        began_s: time of the first start, s.
     """
-    soon = state.time_s - state.first_s < TRIES_S
+    soon = state.time_s - began_s < TRIES_S
     return state.began_unbalanced and soon and state.time_s - state.tried_s > TRIED_S
 
 
@@ -192,7 +193,7 @@ def follow_on(state: State, held: State, layout: Layout) -> None:
     about = layout.turn(layout.leader).start + 2
     heading = np.diag([0.0, 0.0, min(held.covariance[about, about], MOST_TURN**2)])
     _spread(state, heading, _of_place(held, layout), layout)
-    state.friction, state.first_s, state.anew_s = held.friction.copy(), held.first_s, state.time_s
+    state.friction, state.anew_s = held.friction.copy(), state.time_s
     state.lengths_s, state.reading_s, state.contacts = (
         held.lengths_s.copy(), held.reading_s.copy(), held.contacts.copy()
     )  # fmt: skip

@@ -66,9 +66,8 @@ class State:
         rejected: number of rejected lengths in the last sample.
         known: true contacts of a simulation.
         held_s: time for which the pose has been held without measurement, s (:mod:`sensing.robot.silence`).
-        first_s: time at which the estimate began first, s.
         tried_s: time of the last new start that found no balance either, s; -inf without.
-        anew_s: time at which it began again, s; -inf without.
+        anew_s: time at which the estimate began again, s; -inf without.
         began_moving: whether the robot moved as the estimate began.
         began_silent: numbers of the endcaps whose force was unknown then.
         began_unmeasured: numbers of the bars whose gyroscope was silent then.
@@ -121,7 +120,6 @@ class State:
     rejected: int
     known: list[KnownContact | None]
     held_s: float = 0.0
-    first_s: float = -np.inf
     tried_s: float = -np.inf
     anew_s: float = -np.inf
     began_moving: bool = False
@@ -158,8 +156,7 @@ def empty_state(layout: Layout, time_s: float) -> State:
         return np.zeros((bars, 3))
 
     return State(
-        time_s=time_s, first_s=time_s,
-        covariance=np.zeros((layout.size, layout.size)), turn=np.tile(np.eye(3), (bars, 1, 1)),
+        time_s=time_s, covariance=np.zeros((layout.size, layout.size)), turn=np.tile(np.eye(3), (bars, 1, 1)),
         place=of_bars(), velocity=of_bars(), rate_bias=of_bars(), force_bias=of_bars(),
         anchor=np.zeros((endcaps, 3)), normal=np.tile([0.0, 0.0, 1.0], (endcaps, 1)), normal_variance=np.ones(endcaps),
         anchored=np.zeros(endcaps, np.int64), slips=np.zeros(endcaps), creep=np.zeros(1), softness=np.zeros(1),

@@ -7,7 +7,7 @@ const LISTS = ["material", "printer", "robot"];
 const WORDS = ["dots", "dot_mm", "gyroid"];
 const KNOBS = [...SLIDERS, ...LISTS, ...WORDS];
 const viewer = new Viewer($("turn"));
-const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, asking: false, real: "", label: "" };
+const page = { offer: null, answer: null, job: null, asked: 0, shown: 0, asking: false, real: "" };
 const GONE = "The page's program has ended: start make design again.";
 const say = () => document.dispatchEvent(new Event("shown"));
 const svg = (name, values, parent) => {
@@ -129,7 +129,6 @@ async function show(number) {
     draw_section(answer.section);
     if (shape && page.real !== answer.label) {
       viewer.load(shape);
-      page.label = answer.label;
       page.real = "";
       $("stage").textContent = "in outline: no holes, screws, dots; the gyroid as its envelope";
       if (page.job?.made && page.job.label === answer.label) show_real(answer.label);

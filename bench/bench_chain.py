@@ -31,6 +31,7 @@ import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.sizes import Size, option_sizes, random_sizes
 from cad.errors import EndcapError
 from cad.materials import silicones
@@ -186,4 +187,4 @@ def _append(seed: int, done: Done) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

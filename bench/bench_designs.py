@@ -31,6 +31,7 @@ import matplotlib.pyplot as plt
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.parts import table_of
 from bench.sizes import option_sizes, random_sizes
 from cad.design_arguments import design_words
@@ -186,4 +187,4 @@ def draw(table: list[dict[str, str]], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

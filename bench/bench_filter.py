@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from bench_prediction import MOTIONS
+from one_line import in_one_line
 
 from sensing.records import Wrench
 from sensing.wrench.filter import STANDARD, FilterConfig, WrenchFilter
@@ -123,4 +125,4 @@ def row(what: str, motion: str, rate_hz: float, name: str, numbers: dict[str, fl
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -25,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from bench_similarity import TEST, TRAIN, errors, tested_on
+from one_line import in_one_line
 
 from cad.materials import silicone
 from cad.params import EndcapParams
@@ -132,4 +133,4 @@ def _write(name: str, rows: list[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

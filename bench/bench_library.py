@@ -29,6 +29,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from bench_similarity import TEST, TRAIN, Alone, errors, own_states, some_nodes, tested_on, without
+from one_line import in_one_line
 
 from cad.params import EndcapParams
 from sensing.design.figures import figures
@@ -253,4 +254,4 @@ def _plot_study(axis, rows) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

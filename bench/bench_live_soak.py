@@ -28,6 +28,7 @@ from mcap.records import Channel, Message
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.live.probes import Viewer, cpu_s
+from bench.one_line import in_one_line
 from sensing.live.core.warm_up import warm_up
 from sensing.live.demo.scene import scene_config, scene_film
 from sensing.live.ending import Stop
@@ -171,4 +172,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -23,6 +23,9 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.errors import EndcapError
 from cad.params import EndcapParams
 from sensing.calibration.dots import find_dots
@@ -170,4 +173,4 @@ def draw(pictures: dict[str, np.ndarray]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -29,6 +29,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.errors import EndcapError
 from fab.command import VARIANT_DEFAULTS, parse_variant
 
@@ -188,4 +191,4 @@ def _draw(rows: list[dict[str, str]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -27,6 +27,7 @@ from unittest import mock
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.bench_molds_where import variant_on_one_core
+from bench.one_line import in_one_line
 from fab import molds, workers
 
 TABLE = Path(__file__).with_name("molds_cores.csv")
@@ -146,4 +147,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -21,6 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.sizes import Inline
 from fab.command import VARIANT_DEFAULTS, parse_variant
 from fab.molds import load_libraries, make_molds
@@ -113,4 +114,4 @@ def where(stats: pstats.Stats, all_s: float) -> list[tuple[str, float]]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -17,6 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.materials import silicone
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -159,4 +162,4 @@ def plot(curves: list[tuple[str, np.ndarray]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -10,6 +10,7 @@ with the simulator's own constants is the network's and the tracker's error.
 from __future__ import annotations
 
 import csv
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,6 +19,9 @@ from pathlib import Path
 import numpy as np
 from pressed_films import Film, Recipe, asked_film, pressed_film
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.materials import silicone
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
@@ -192,4 +196,4 @@ def plot(rows: list[dict[str, str]], kept: dict[str, tuple[list[Wrench], np.ndar
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -15,6 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.frozen import FrozenPress
@@ -87,4 +90,4 @@ def plot(rows: list) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

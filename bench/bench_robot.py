@@ -20,6 +20,7 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+from one_line import in_one_line
 from robot_runs import FIRST_SEED, Score, held_out, judge
 
 from sensing.robot.settings import DEFAULTS, Contacts, Settings
@@ -247,4 +248,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from bench_robot import MAIN, add_run_arguments
+from one_line import in_one_line
 from robot_runs import ASKED_S, FIRST_SEED, Score, errors, held_out, score, tuning_run
 
 from cad.messages import LOG
@@ -215,4 +216,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -16,6 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
 from sensing.tensegrity.robot_file import load_robot
@@ -85,4 +88,4 @@ def off_deg(found: np.ndarray, true: np.ndarray) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -27,6 +27,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from one_line import in_one_line
 from robot_pictures import Readings, Stage, frame_times, walk_step, with_pictures
 from robot_runs import held_out, judge_arrivals
 
@@ -239,4 +240,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -21,6 +21,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 from bench_robot import add_run_arguments
+from one_line import in_one_line
 from robot_runs import errors, followed, score, tuning_run
 
 from sensing.robot.settings import DEFAULTS, Settings
@@ -173,4 +174,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -23,6 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.robust.cases import Outcome, run_case
 from bench.robust.inputs import cameras, prepare, write_inputs
 from cad.errors import EndcapError
@@ -118,4 +119,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -21,6 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.robust.cases import Outcome, run_case
 from bench.robust.inputs import prepare, write_inputs
 from bench.robust.mutations import mutated_recording, mutated_text
@@ -130,4 +131,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -22,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from bench_similarity import own_states, without
+from one_line import in_one_line
 
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
@@ -95,4 +96,4 @@ def ratio(rows: Sequence[dict[str, Any]], score: str, unit: str) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -32,6 +32,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench.one_line import in_one_line
 from bench.sizes import WATCHED, Made, Size, code_digest, make, older_digests, option_sizes, random_sizes, survey
 from cad.errors import EndcapError, ParameterError
 from cad.feasible import diameter_range_mm, wall_range_mm
@@ -243,4 +244,4 @@ def _draw_used(rows: list[dict[str, str]]) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(in_one_line(main))

@@ -21,6 +21,9 @@ from pathlib import Path
 
 import trimesh
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.interface import build_flange, build_zone
 from cad.params import EndcapParams
 from fab.meshing.gyroid import interface_mesh
@@ -165,4 +168,4 @@ def _children_s() -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -16,6 +16,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.errors import ParameterError
 from cad.feasible import MAX_DIAMETER_MM, MAX_WALL_RATIO, MIN_WALL_MM
 from cad.params import EndcapParams
@@ -97,4 +100,4 @@ def row(params: EndcapParams, result: SliceResult) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -21,6 +21,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
@@ -230,4 +233,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

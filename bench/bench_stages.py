@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Mapping
@@ -23,6 +24,7 @@ from unittest.mock import patch
 import cv2
 import numpy as np
 from bench_live import frames_of, pipelines  # makes the repository importable, too
+from one_line import in_one_line
 
 from bench.parts import table_of
 from cad.params import EndcapParams
@@ -96,4 +98,4 @@ def table(least_ms: Mapping[tuple[str, str], np.ndarray]) -> list[dict[str, str]
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -6,6 +6,7 @@ deflection that OCCT's exporters use by default is measured in the same run.
 
 import argparse
 import csv
+import sys
 import time
 from pathlib import Path
 
@@ -14,6 +15,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.interface import build_interface
 from cad.mold.cup import cup_parts
 from cad.mold.layout import MoldLayout
@@ -68,4 +72,4 @@ def plot(rows: list[tuple[float, float, float, float]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -16,6 +16,9 @@ from pathlib import Path
 import numpy as np
 from pressed_films import Film, Recipe, asked_film, pressed_film
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.materials import silicone
 from sensing import weigh
 from sensing.frames import T_sphere_endcap, wrench_adjoint
@@ -123,4 +126,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -21,6 +21,9 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from sensing.camera.mount import MountedCamera
 from sensing.learning.contenders import RELEASED_SHAPE, read_all
 from sensing.learning.fit_config import FitConfig
@@ -276,4 +279,4 @@ def plot(rows: list[Row], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_one_line(main))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.one_line import in_one_line
 from cad.params import EndcapParams
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
@@ -143,4 +147,4 @@ def plot(norms: dict[str, Array], threshold_n: float, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(in_one_line(main))

@@ -1,4 +1,4 @@
-"""Ends a bench as the toolkit's commands end: what a user can correct in one line and status 2, without a traceback."""
+"""Ends a bench as the toolkit's commands end: in one line, without a traceback; status 2 where a user can mend it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cad.errors import EndcapError
 
 
 def in_one_line(main: Callable[[], int | None]) -> int:
-    """Exit status of a bench's ``main``; 2 where what it was given, or needs, is not there.
+    """Exit status of a bench's ``main``; 2 where what it was given, or needs, is not there, 130 after Ctrl-C.
 
     Args:
         main: does the work; None as its status counts as 0.
@@ -20,3 +20,6 @@ def in_one_line(main: Callable[[], int | None]) -> int:
     except EndcapError as error:
         print(f"{Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print(f"{Path(sys.argv[0]).stem}: interrupted", file=sys.stderr)
+        return 130

@@ -7,11 +7,14 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from test_architecture import ROOT
 
 from bench import bench_similarity, bench_wrench, parts
+from bench.one_line import in_one_line
+from cad.errors import EndcapError
 from sensing.simulator.dataset.cluster import Origin
 
 OURS = ("bench", "cad", "endcap", "fab", "sensing")
@@ -101,6 +104,18 @@ def test_what_a_bench_lacks_is_said_in_one_line(words: str, said: str):
     """A mistyped folder, design or file was a traceback; of --weights-paper after all live runs, whose rows it lost."""
     done = run(*words.split())
     assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_every_bench_ends_in_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """A bench that is stopped by Ctrl-C, as long ones are, ended in a traceback."""
+    programs = list((ROOT / "bench").glob("bench_*.py"))
+    ending = "sys.exit(in_one_line(main))\n"
+    assert [path.name for path in programs if not path.read_text(encoding="utf-8").endswith(ending)] == []
+    monkeypatch.setattr(sys, "argv", ["bench/bench_any.py"])
+    for error, status, said in ((KeyboardInterrupt(), 130, "interrupted"), (EndcapError("D=1: no"), 2, "D=1: no")):
+        assert in_one_line(Mock(side_effect=error)) == status
+        assert capsys.readouterr().err == f"bench_any: {said}\n"
+    assert [in_one_line(lambda status=status: status) for status in (None, 0, 1)] == [0, 0, 1]
 
 
 def test_a_picture_that_is_none_leaves_the_table_of_fields(tmp_path: Path):

@@ -1,4 +1,4 @@
-"""Ends a bench as the toolkit's commands end: in one line, without a traceback; status 2 where a user can mend it."""
+"""Ends a bench as the toolkit's commands end: in one line, without a traceback; status 2 where a user can fix it."""
 
 from __future__ import annotations
 

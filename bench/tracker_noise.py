@@ -81,7 +81,7 @@ def _alikeness(at: Array, scaled: Array) -> tuple[float, float]:
     """(alike, length) of an exponential law through the mean products of two dots' scaled errors, by distance."""
     first, second = np.triu_indices(at.shape[1], 1)
     scaled = np.clip(scaled, -LARGEST, LARGEST)
-    product = np.nanmean(scaled[:, first] * scaled[:, second], axis=2)
+    product = (scaled[:, first] * scaled[:, second]).mean(axis=2)  # not a number where a dot was not found
     apart = np.linalg.norm(at[:, first] - at[:, second], axis=2)
     total, middles, means, counts = np.nanmean(scaled**2), [], [], []
     for low, high in pairwise(APART_PX):

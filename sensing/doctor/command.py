@@ -25,8 +25,9 @@ from sensing.sources.camera import CameraConfig, list_devices
 from sensing.sources.choose import is_camera_number, source_opener
 
 DESCRIPTION = """\
-Look at cameras of untouched endcaps: rate, jitter, dropped frames, USB, size of the pictures, exposure, light, focus,
-size of the dots, and which dots are missing; each with a verdict (good, look, bad) and a fix.
+Look at cameras of untouched endcaps: rate, jitter, dropped frames, USB, noise reduction over time, size of the
+pictures, exposure, light, focus, size of the dots, and which dots are missing; each with a verdict (good, look, bad)
+and a fix.
 
   python -m sensing.sources check                       all cameras of this computer
   python -m sensing.sources check 0 2 http://127.0.0.1:8081/

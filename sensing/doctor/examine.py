@@ -12,6 +12,7 @@ from cad.errors import EndcapError
 from cad.params import EndcapParams
 from sensing.decode import decode_bgr
 from sensing.doctor.finding import Finding, Verdict, below, finding
+from sensing.doctor.mixing import mixing_findings
 from sensing.doctor.picture import picture_findings
 from sensing.doctor.stream import stream_findings
 from sensing.records import Frame, Image
@@ -63,6 +64,7 @@ def examine(
     found = stream_findings(frames, asked_hz) if timed else []
     if coding := next((frame.coding for frame in frames if frame.coding), ""):
         found.append(finding("coding", Verdict.LOOK, coding_fault(coding), RECORD))
+    found += mixing_findings(frames)
     pictures, damaged = _decoded(frames)
     if damaged or not pictures:
         looked = len(damaged) + len(pictures)

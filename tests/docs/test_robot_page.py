@@ -151,3 +151,26 @@ def test_the_readings_from_pictures_are_those_of_the_bench():
             wanted[2] = float(row["confirmed_rmse_n"])
         pairs += [significant(entries[k], value) for k, value in wanted.items()]
     assert len(pairs) > 40 and wrong(pairs) == []
+
+
+def test_the_filter_of_gtsam_drifts_as_the_page_says():
+    pairs = []
+    for terrain, count, *entries in page_rows(PAGE, "| terrain | runs | drift, % |"):
+        group = runs("robot_gtsam", terrain=terrain)
+        assert int(count) == len(group)
+        for entry, name in zip(entries, (*MEDIANS[:4], "core"), strict=True):
+            values = column(group, name)
+            pairs += rounded(numbers(entry), (np.median(values), np.quantile(values, 0.95)))
+    assert len(pairs) == 40 and wrong(pairs) == []
+
+
+def test_the_noises_that_score_better_alone_are_those_of_the_tuning():
+    rows = table("robot_tune")
+    as_it_is = next(float(row["log_score"]) for row in rows if not row["setting"])
+    gains = {row["setting"]: as_it_is - float(row["log_score"]) for row in rows if row["factor"] == "0.5"}
+    first, second, third, fourth, *ends = said(
+        PAGE, r"at half their size \(`(\w+)`, `(\w+)`, `(\w+)`, `(\w+)`, by ([\d.]+) to ([\d.]+)\)"
+    )
+    best = sorted(gains, key=gains.__getitem__)[-4:]
+    assert {first, second, third, fourth} == set(best)
+    assert wrong(rounded(ends, spread(gains[name] for name in best))) == []

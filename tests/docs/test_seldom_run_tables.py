@@ -146,3 +146,15 @@ def test_similarity_on_pictures_is_that_of_the_bench():
     ratios = said("docs/design.md", r"two trainings each. Ratios are ([\d.]+) for forces and ([\d.]+) for torques")
     pairs += rounded(ratios, [both("library", part) / both("own", part) for part in (FORCES, TORQUES)])
     assert len(pairs) == 14 and wrong(pairs) == []
+
+
+def test_streams_that_fail_at_once_cost_what_the_page_says():
+    rows = table("robot_outages")
+    after = [row for row in rows if float(row["time_s"]) > 15]
+    written = said(
+        "docs/robot.md",
+        r"(\d+) drawn sets\). Ten seconds later bars are up to ([\d.]+) degrees off "
+        r"\(stated standard deviations ([\d.]+) to (\d\.\d+)\)",
+    )
+    values = [len({row["set"] for row in rows}), max(floats(after, "off_deg")), *spread(floats(after, "sd_deg"))]
+    assert wrong(rounded(written, values)) == []

@@ -167,10 +167,18 @@ def test_the_filter_of_gtsam_drifts_as_the_page_says():
 def test_the_noises_that_score_better_alone_are_those_of_the_tuning():
     rows = table("robot_tune")
     as_it_is = next(float(row["log_score"]) for row in rows if not row["setting"])
-    gains = {row["setting"]: as_it_is - float(row["log_score"]) for row in rows if row["factor"] == "0.5"}
-    first, second, third, fourth, *ends = said(
-        PAGE, r"at half their size \(`(\w+)`, `(\w+)`, `(\w+)`, `(\w+)`, by ([\d.]+) to ([\d.]+)\)"
+    halved = sorted((row for row in rows if row["factor"] == "0.5"), key=lambda row: float(row["log_score"]))[:7]
+    gains = [as_it_is - float(row["log_score"]) for row in halved]
+    first, first_gain, second, second_gain, *ends = said(
+        PAGE,
+        r"half their size \(`(\w+)` by ([\d.]+), `(\w+)` by ([\d.]+)\), five more by ([\d.]+) to ([\d.]+); the drift "
+        r"is ([\d.]+) to ([\d.]+) % .*? stated too wide with all \(NEES ([\d.]+) to ([\d.]+)\)",
     )
-    best = sorted(gains, key=gains.__getitem__)[-4:]
-    assert {first, second, third, fourth} == set(best)
-    assert wrong(rounded(ends, spread(gains[name] for name in best))) == []
+    assert [first, second] == [row["setting"] for row in halved[:2]]
+    values = [
+        *gains[:2],
+        *spread(gains[2:]),
+        *spread(column(halved, "drift_percent")),
+        *spread(column(halved, "nees_place")),
+    ]
+    assert wrong(rounded([first_gain, second_gain, *ends], values)) == []

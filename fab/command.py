@@ -139,6 +139,7 @@ class Command:
                 if interrupts.signal is None:
                     raise
                 LOG.error(f"{self.name}: {ending_words(interrupts.signal)}; nothing was left behind")
+                _end_with_status()
                 return 128 + interrupts.signal
 
     def _status(
@@ -170,6 +171,15 @@ def _utf8_names() -> None:
     if sys.flags.utf8_mode:
         with suppress(locale.Error):  # a system without this locale
             locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
+
+
+def _end_with_status() -> None:
+    """Have ``python -m`` end with the status that is returned, not by SIGINT.
+
+    Where the signal came in code given as text, as of a data class while its module is imported, CPython takes it for
+    unhandled for good; the next such code resets that (run_eval_code_obj of its pythonrun.c).
+    """
+    exec("")
 
 
 def ending_words(number: int) -> str:

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -18,6 +19,7 @@ import pytest
 import trimesh
 from long_cases import others_long
 from started_molds import SMALL, left_in, start, wait_until_signals_are_handled
+from test_architecture import ROOT
 
 from fab import molds
 from fab.checks.check import Check
@@ -172,6 +174,29 @@ def test_an_interruption_swallowed_at_the_last_is_asked_for_before_the_files_app
     stub.setattr("fab.exports.writer.write_manifest", swallowed)
     assert molds.main([f"exports={tmp_path}", "cache=no"]) == 130
     assert left_in(tmp_path) == []
+
+
+INTERRUPTED_IN_TEXT = """
+import sys
+
+from fab.command import Command
+
+
+def act(options, interrupts):
+    exec("import signal; signal.raise_signal(signal.SIGINT)")  # as the text of a data class in an import
+    return 0
+
+
+sys.exit(Command("make it", "", "", "", {}).run([], act))
+"""
+
+
+def test_an_interruption_in_code_given_as_text_ends_with_its_status_too(tmp_path):
+    """``python -m`` ended by the signal instead, now and then, while the CAD kernel was loaded."""
+    (tmp_path / "interrupted.py").write_text(INTERRUPTED_IN_TEXT)
+    known = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run([sys.executable, "-m", "interrupted"], capture_output=True, text=True, env=known, check=False)
+    assert (done.returncode, done.stderr) == (130, "make it: interrupted; nothing was left behind\n")
 
 
 # While the CAD kernel is loaded, and while parts are made.

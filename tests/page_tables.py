@@ -67,7 +67,17 @@ def rounded(written: Iterable[str], values: Iterable[float]) -> list[Rounded]:
     return [Rounded(*pair) for pair in zip(written, values, strict=True)]
 
 
+def rows_of(rows: Iterable[Row], **named: str) -> list[Row]:
+    """Rows that have these entries."""
+    return [row for row in rows if all(row[name] == value for name, value in named.items())]
+
+
+def floats(rows: Iterable[Row], name: str) -> list[float]:
+    """A column as numbers."""
+    return [float(row[name]) for row in rows]
+
+
 def cell_of(rows: list[Row], **named: str) -> Row:
     """The one row that has these entries."""
-    (row,) = (row for row in rows if all(row[name] == value for name, value in named.items()))
+    (row,) = rows_of(rows, **named)
     return row

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from page_tables import Rounded, Row, numbers, page_rows, rounded, said, spread, table, wrong
+from page_tables import Rounded, Row, floats, numbers, page_rows, rounded, rows_of, said, spread, table, wrong
 
 PAGE = "docs/robot_accuracy.md"
 MEDIANS = ("drift_percent", "height_percent", "tilt_deg", "yaw_deg", "endcaps_mm", "nees_place", "nees_turn")
@@ -16,12 +16,12 @@ RATIO_TERRAINS = ("flat", "rough", "slope", "low_friction")
 
 
 def column(rows: Sequence[Row], name: str) -> np.ndarray:
-    return np.array([float(row[name]) for row in rows])
+    return np.array(floats(rows, name))
 
 
 def runs(name: str, **wanted: str) -> list[Row]:
     """Runs of a bench's file that have these entries."""
-    found = [row for row in table(name) if all(row[key] == value for key, value in wanted.items())]
+    found = rows_of(table(name), **wanted)
     assert found, wanted
     return found
 

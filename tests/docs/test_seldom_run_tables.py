@@ -5,18 +5,9 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from page_tables import Row, cell_of, numbers, page_rows, rounded, said, spread, table, wrong
+from page_tables import cell_of, floats, numbers, page_rows, rounded, rows_of, said, spread, table, wrong
 
 FORCES, TORQUES = ("rmse_fx_n", "rmse_fy_n", "rmse_fz_n"), ("rmse_tx_nm", "rmse_ty_nm", "rmse_tz_nm")
-
-
-def floats(rows: list[Row], name: str) -> list[float]:
-    return [float(row[name]) for row in rows]
-
-
-def of(rows: list[Row], **wanted: str) -> list[Row]:
-    """Rows with these entries."""
-    return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
 def test_the_photos_say_of_the_pattern_what_the_page_says():
@@ -32,7 +23,7 @@ def test_the_photos_say_of_the_pattern_what_the_page_says():
         ),
         [max(away), *spread(floats(inner, "sem_deg"))],
     )
-    free = {photo: of(heights, photo=photo, lens="k1, k2 free") for photo in {row["photo"] for row in heights}}
+    free = {photo: rows_of(heights, photo=photo, lens="k1, k2 free") for photo in {row["photo"] for row in heights}}
     slopes = [np.polyfit(floats(rows, "height_mm"), floats(rows, "f_px_at_480_rows"), 1)[0] for rows in free.values()]
     pairs += rounded(
         said("docs/optics.md", r"follows: -([\d.]+) to -([\d.]+) px a mm"), spread(-slope for slope in slopes)
@@ -60,7 +51,7 @@ def test_the_unit_cell_of_the_gyroid_is_that_of_the_bench():
 
 def test_presses_beside_own_weight_are_those_of_the_bench():
     presses = table("own_weight_presses")
-    sideways, upright = (of(presses, pose=pose) for pose in ("sideways", "tip up"))
+    sideways, upright = (rows_of(presses, pose=pose) for pose in ("sideways", "tip up"))
     turned, kept = page_rows("docs/own_weight.md", "| D = 130, T = 8, rendered pictures, live |")[2:]
     pairs = rounded(numbers(turned[1]), spread(floats(sideways, "kept_n")))
     pairs += rounded(numbers(turned[2]), spread(floats(sideways, "subtracted_n")))
@@ -116,7 +107,7 @@ def test_other_interfaces_print_what_the_page_says():
     assert all(not row["refused"] for row in rows)
     values = []
     for form in ("interface_infill", "interface_gyroid"):
-        own = of(rows, form=form)
+        own = rows_of(rows, form=form)
         off = [100 * (float(row["fraction_percent"]) / float(row["gyroid_percent"]) - 1) for row in own]
         values += [-min(off), max(off)]
     values.append(min(float(row["open_percent"]) - (100 - float(row["gyroid_percent"])) for row in rows))
@@ -129,7 +120,7 @@ def test_other_interfaces_print_what_the_page_says():
 
 
 def test_similarity_on_pictures_is_that_of_the_bench():
-    scores = of(table("similarity_pictures"), score="ours")
+    scores = rows_of(table("similarity_pictures"), score="ours")
 
     def error(states: str, seed: str, columns: tuple[str, ...]) -> float:
         row = cell_of(scores, states=states, train_seed=seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from page_tables import Rounded, Row, numbers, page_rows, rounded, said, spread, table, wrong
+from page_tables import Rounded, Row, cell_of, numbers, page_rows, rounded, said, spread, table, wrong
 
 WITH_FILE, WITHOUT_FILE, KEPT = "ours", "ours, no camera file", " where not flagged"
 OTHERS = tuple(f"sensor{number}" for number in range(91, 99))
@@ -17,8 +17,7 @@ LOADS = ((0, 10), (10, 20), (20, 30), (30, 40))
 
 def scores(name: str) -> Row:
     """Scores of an evaluation over all its frames in contact."""
-    (row,) = (row for row in table("wrench_scores") if row["name"] == name)
-    return row
+    return cell_of(table("wrench_scores"), name=name)
 
 
 def cells_of(name: str, load_from_n: float, load_to_n: float, tilt_deg: tuple[float, float] = (0, 55)) -> list[Row]:

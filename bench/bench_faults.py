@@ -23,6 +23,7 @@ from picture_faults import FAULTS, STAYS, Fault, Rng
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
 from sensing.live.core.pipeline import EndcapPipeline
@@ -107,8 +108,14 @@ class Bench:
 
 def table(counts: dict[str, Count]) -> list[dict[str, object]]:
     """Rows of the CSV."""
-    return [{"fault": name.replace("_", " ")} | {key: getattr(c, field) for key, field in COLUMNS.items()}
-            for name, c in counts.items()]  # fmt: skip
+    return [
+        {"fault": name.replace("_", " ")} | {key: _entry(getattr(c, field)) for key, field in COLUMNS.items()}
+        for name, c in counts.items()
+    ]
+
+
+def _entry(value: float) -> object:
+    return f"{value:.3f}" if isinstance(value, float) else value
 
 
 def read_table(path: Path) -> dict[str, Count]:
@@ -120,19 +127,6 @@ def read_table(path: Path) -> dict[str, Count]:
             )
             for row in csv.DictReader(stream)
         }
-
-
-def write_table(path: Path, counts: dict[str, Count]) -> None:
-    """Whole or not at all: a bench that is stopped can be resumed."""
-    rows = [
-        {key: f"{value:.3f}" if isinstance(value, float) else value for key, value in row.items()}
-        for row in table(counts)
-    ]
-    with path.with_suffix(".part").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    path.with_suffix(".part").replace(path)
 
 
 def turns(frames: int) -> int:
@@ -165,9 +159,9 @@ def main(arguments: list[str] | None = None) -> int:
         if sys.stderr.isatty():
             print(f"\r{done}/{options.frames} frames ", end="", file=sys.stderr)
         if options.out is not None and (turn + 1) % len(FAULTS) == 0:
-            write_table(options.out, counts)
+            write_table(options.out, table(counts))
     if options.out is not None:
-        write_table(options.out, counts)
+        write_table(options.out, table(counts))
     for row in table(counts):
         print("  ".join(f"{value!s:>{max(len(key), 14)}}" for key, value in row.items()))
     misses = sum(c.misses for c in counts.values())

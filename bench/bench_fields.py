@@ -13,7 +13,6 @@ not; on a shared machine the 20th percentile is nearest to what a quiet one take
 from __future__ import annotations
 
 import argparse
-import csv
 import itertools
 import sys
 from collections import defaultdict
@@ -28,6 +27,7 @@ from field_scenes import LEVELS, PHOTOS, concatenated, measure, pictures, ready,
 
 from bench.one_line import in_one_line
 from bench.parts import table_of
+from bench.table_file import write_table
 from sensing.records import Image
 from sensing.tracking.methods import METHODS, field_method
 
@@ -152,11 +152,7 @@ def main() -> int:
     whole = not options.only and (options.patterns, options.methods) == (PATTERNS, ",".join(METHODS))
     out = options.out or table_of("fields.csv", whole)
     rows = rows_of(run(sets, options.methods.split(","), options.patterns, options.parts))
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    with out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(out, rows)
     plot(rows, out.with_suffix(".png"))
     for row in rows:
         print("  ".join(f"{key}={value}" for key, value in row.items()))

@@ -11,7 +11,6 @@ takes; all values of a knob see the same frames one after another.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections import defaultdict
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from field_scenes import LEVELS, PHOTOS, Scene, concatenated, measure, pictures,
 
 from bench.one_line import in_one_line
 from bench.parts import table_of
+from bench.table_file import write_table
 from sensing.records import Frame
 from sensing.tracking.baselines import DisField, FarnebackField, LucasKanadeField
 from sensing.tracking.methods import DotField, FieldMethod
@@ -151,11 +151,7 @@ def main() -> int:
     cv2.setNumThreads(1)
     sequences = scenes(options.photos, options.patterns)
     rows = [row for knob in options.knobs.split(",") for row in run(knob, sequences)]
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    with out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(out, rows)
     plot(rows, out.with_suffix(".png"))
     return 0
 

@@ -11,7 +11,6 @@ errors (1 where the covariance is honest), root mean square error, N.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from bench_prediction import MOTIONS
 from one_line import in_one_line
+from table_file import write_table
 
 from sensing.records import Wrench
 from sensing.wrench.filter import STANDARD, FilterConfig, WrenchFilter
@@ -36,10 +36,7 @@ def main() -> None:
     """Measure, print, write."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = [*onsets(200), *intervals(range(340, 352))]
-    with (HERE / "filter.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(HERE / "filter.csv", rows)
     for row in rows:
         print(*row.values(), sep="\t")
 

@@ -15,7 +15,6 @@ N m about the sphere's centre.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -29,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.floor_plot import plot
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from bench.tracker_noise import Noise, measured_noise
 from cad.dots import dot_pattern, dot_position_mm
 from cad.materials import silicone
@@ -89,10 +89,7 @@ def main() -> int:
     answers = answered(data, camera, options.weights)
     used, bounds = frame_bounds(data, load_states(options.states), noise, camera, options.every)
     rows = table(answers.take(used), bounds)
-    with options.out.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(options.out, rows, figures=4)
     for row in rows:
         if row["axis"] in ("fz_n", "fx_n"):
             print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()))

@@ -33,6 +33,7 @@ from bench.foreign.links import Link, links, our_states
 from bench.foreign.solved import DESIGN, PATHS, solved
 from bench.foreign.world import Look, write_set
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.evaluation.live_answers import LiveAnswers, live_answers
 from sensing.learning.found_camera import found_camera
 from sensing.live.core.model import load_model
@@ -115,10 +116,7 @@ def _pictures(options: argparse.Namespace) -> None:
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
     """A table, and its lines on the screen."""
-    with path.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(path, rows, figures=5)
     for row in rows:
         print(*(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()), sep="  ")
 

@@ -21,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.feasible import MIN_WALL_MM
 from cad.params import EndcapParams
 from fab.checks.gyroid import sheet_walls_mm
@@ -89,14 +90,6 @@ def ball_rows() -> list[dict[str, float]]:
     return rows
 
 
-def write_csv(path: Path, rows: list[dict[str, float]]) -> None:
-    """Write rows under named columns, five significant figures."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: f"{value:.5g}" for key, value in row.items()} for row in rows)
-
-
 def read_csv(path: Path) -> list[dict[str, float]]:
     """Read a table back."""
     with path.open(newline="", encoding="utf-8") as stream:
@@ -147,9 +140,9 @@ def main(arguments: list[str] | None = None) -> None:
     only = parser.parse_args(arguments).only
     grid_path, ball_path = HERE / "gyroid.csv", HERE / "gyroid_ball.csv"
     if only in (None, "grid"):
-        write_csv(grid_path, grid_rows(EndcapParams(130, 8)))
+        write_table(grid_path, grid_rows(EndcapParams(130, 8)), figures=5)
     if only in (None, "ball"):
-        write_csv(ball_path, ball_rows())
+        write_table(ball_path, ball_rows(), figures=5)
     if grid_path.exists() and ball_path.exists():
         plot(HERE / "gyroid.png", read_csv(grid_path), read_csv(ball_path))
 

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 from collections.abc import Sequence
@@ -26,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from bench_similarity import TEST, TRAIN, errors, tested_on
 from one_line import in_one_line
+from table_file import write_table
 
 from cad.materials import silicone
 from cad.params import EndcapParams
@@ -105,7 +105,7 @@ def main(arguments: list[str] | None = None) -> int:
     ratio = options.ratio
     if ratio is None:
         rows, ratio = cells(options.voxels)
-        _write("interlock_cell.csv", rows)
+        write_table(HERE / "interlock_cell.csv", rows, figures=5)
     factors = (1.0, ratio, RIGID)
     states = [pressed(factor) for factor in factors]
     table = []
@@ -117,19 +117,12 @@ def main(arguments: list[str] | None = None) -> int:
             | {"dots_mean_percent": np.mean(moved), "dots_most_percent": max(moved), "force_error_n": error}
             | {"force_error_percent": 100 * error / 35}
         )
-    _write("interlock.csv", table)
+    write_table(HERE / "interlock.csv", table, figures=5)
     return 0
 
 
 def _apart(dots: np.ndarray, plain: np.ndarray) -> float:
     return 100 * float(np.linalg.norm(dots - plain) / np.linalg.norm(plain))
-
-
-def _write(name: str, rows: list[dict[str, Any]]) -> None:
-    with (HERE / name).open("w", newline="") as stream:
-        table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({key: f"{value:.5g}" for key, value in row.items()} for row in rows)
 
 
 if __name__ == "__main__":

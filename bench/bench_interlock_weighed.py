@@ -26,6 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.params import EndcapParams
 from sensing.camera.nominal import nominal_mount
 from sensing.design.weights import DesignRequest
@@ -137,10 +138,7 @@ def main(arguments: list[str] | None = None) -> int:
     for name in ("plain", "composite", "weighed"):
         off = np.array([[line[f"{name}_{axis}_n"] for axis in ("fx", "fy", "fz")] for line in rows])
         print(f"{name}: {np.sqrt((off**2).mean()):.3f} N an axis, {np.abs(off).max():.3f} N at most")
-    with (HERE / "interlock_weighed.csv").open("w", newline="") as stream:
-        table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({key: f"{value:.5g}" for key, value in line.items()} for line in rows)
+    write_table(HERE / "interlock_weighed.csv", rows, figures=5)
     return 0
 
 

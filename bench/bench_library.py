@@ -30,6 +30,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from bench_similarity import TEST, TRAIN, Alone, errors, own_states, some_nodes, tested_on, without
 from one_line import in_one_line
+from table_file import write_table
 
 from cad.params import EndcapParams
 from sensing.design.figures import figures
@@ -170,10 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
     if path.exists():
         with path.open(newline="") as stream:
             rows = [row for row in csv.DictReader(stream) if row["study"] not in made] + rows
-    with path.open("w", newline="") as stream:
-        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n", restval="nan")
-        table.writeheader()
-        table.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(path, rows, COLUMNS, figures=5, missing="nan")
     plot()
     return 0
 

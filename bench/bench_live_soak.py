@@ -11,7 +11,6 @@ the end, or after Ctrl-C, the one file is read from its first byte to its last, 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 import tempfile
@@ -29,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.live.probes import Viewer, cpu_s
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.live.core.warm_up import warm_up
 from sensing.live.demo.scene import scene_config, scene_film
 from sensing.live.ending import Stop
@@ -136,10 +136,7 @@ def soak(seconds: float, step_s: float, file: Path, out: Path) -> list[dict[str,
 
 def save(rows: list[dict[str, Any]], out: Path) -> None:
     """The table so far."""
-    with out.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, COLUMNS)
-        writer.writeheader()
-        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(out, rows, COLUMNS, figures=5)
 
 
 def main() -> int:

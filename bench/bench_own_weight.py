@@ -13,7 +13,6 @@ own_weight_leaves.csv   share of a motion that the fit of own weight leaves: of 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 import tempfile
@@ -29,6 +28,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.calibration.dots import pattern_points
@@ -87,11 +87,7 @@ def _write(name: str, rows: Iterator[dict[str, Any]]) -> None:
     for row in rows:
         made.append(row)
         print(row, flush=True)
-    columns = list(dict.fromkeys(key for row in made for key in row))
-    with (HERE / name).open("w", newline="") as out:
-        table = csv.DictWriter(out, columns, restval="", lineterminator="\n")
-        table.writeheader()
-        table.writerows(made)
+    write_table(HERE / name, made)
 
 
 def _model(endcap: tuple[float, float, str]) -> ShellModel:

@@ -9,7 +9,6 @@ vector in N: the last filtered value held, the filter's rate taken as it is, and
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections.abc import Callable
@@ -20,6 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.records import Wrench
 from sensing.wrench.filter import WrenchFilter
 
@@ -179,10 +179,7 @@ def main() -> None:
     """Run everything and write table and plot."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = table(SEEDS, RATES_HZ, DELAYS_S)
-    with (HERE / "prediction.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(HERE / "prediction.csv", rows)
     plot(rows)
     for row in rows:
         print(*row.values(), sep="\t")

@@ -9,7 +9,6 @@ the displacement.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 from dataclasses import replace
@@ -20,6 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from sensing.simulator.dataset.states import PathState, path_states
 from sensing.simulator.levels import Simulator
@@ -138,10 +138,7 @@ def main() -> None:
         )  # fmt: skip
         curves.append((name, wrong))
         print(rows[-1], flush=True)
-    with (HERE / "rate_effects.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(HERE / "rate_effects.csv", rows)
     plot(curves)
 
 

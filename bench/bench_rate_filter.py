@@ -9,7 +9,6 @@ with the simulator's own constants is the network's and the tracker's error.
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from pressed_films import Film, Recipe, asked_film, pressed_film
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
@@ -158,10 +158,7 @@ def main() -> None:
         rows.append(
             {"constants": "found, live", "motion": name, "rms_n": f"{error:.4f}", "largest_n": f"{largest:.4f}"}
         )
-    with (HERE / "rate_filter.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(HERE / "rate_filter.csv", rows)
     for row in rows:
         print(*row.values(), sep="\t")
     plot(rows, kept, dwell.terms)

@@ -8,7 +8,6 @@ a minute, the path on level 2 another, every setting seconds.)
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.press.frozen import FrozenPress
@@ -53,10 +53,7 @@ def main() -> None:
                 "level_2_states_s": level_2,
             })  # fmt: skip
             print(rows[-1], file=sys.stderr, flush=True)
-    with (HERE / "reduced.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
-        writer.writeheader()
-        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
+    write_table(HERE / "reduced.csv", rows, figures=4)
     plot(rows)
 
 

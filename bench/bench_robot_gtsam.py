@@ -15,12 +15,10 @@ left to it: one covariance for all of them, no rolling, and slip as a random wal
 from __future__ import annotations
 
 import argparse
-import csv
 import itertools
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +26,7 @@ import numpy as np
 from bench_robot import MAIN, add_run_arguments
 from one_line import in_one_line
 from robot_runs import ASKED_S, FIRST_SEED, Score, errors, held_out, score, tuning_run
+from table_file import write_table
 
 from cad.messages import LOG
 from sensing.robot.estimate import BarEstimate, Health, RobotEstimate
@@ -188,12 +187,7 @@ def table(robot: TensegrityRobot, options: argparse.Namespace) -> None:
         for terrain in options.terrains
         for seed in range(FIRST_SEED, FIRST_SEED + options.seeds)
     ]
-    with options.out.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, COLUMNS, extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            values = asdict(row)
-            writer.writerow({name: f"{v:.4g}" if isinstance(v, float) else v for name, v in values.items()})
+    write_table(options.out, [{name: getattr(row, name) for name in COLUMNS} for row in rows], figures=4)
     print("| terrain | runs | " + " | ".join(COLUMNS[2:]) + " |", "|---" * len(COLUMNS) + "|", sep="\n")
     for terrain in options.terrains:
         group = [row for row in rows if row.terrain == terrain.value]

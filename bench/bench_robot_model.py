@@ -27,6 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from cad.params import EndcapParams
 from sensing.simulator.contact.indenter import Indenter
@@ -186,10 +187,7 @@ def main() -> None:
     if not parser.parse_args().plot_only:
         with TemporaryDirectory() as folder:
             rows = [*presses(Path(folder)), *drops(Path(folder)), *steps(Path(folder))]
-        with table.open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n", restval="")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_table(table, rows, COLUMNS)
     with table.open(newline="") as stream:
         plot(HERE / "robot_model.png", list(csv.DictReader(stream)))
 

@@ -9,7 +9,6 @@ silent up to three times for 0.3 to 2.5 s. Asked at 12 s and at the end.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.robot.estimate import RobotEstimate
 from sensing.robot.estimator import RobotEstimator
 from sensing.tensegrity.robot_file import load_robot
@@ -47,10 +47,7 @@ def main() -> None:
             if left and sample.time_s >= left[0]:
                 rows.append(row(seed, left.pop(0), estimator.state(), poses))
                 print(*rows[-1].values(), sep=", ")
-    with options.out.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(options.out, rows)
 
 
 def with_outages(samples: list[Sample], seed: int) -> list[Sample]:

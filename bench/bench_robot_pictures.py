@@ -12,8 +12,6 @@ and half its cables' stiffness: its loads lie within the sensor's range, those o
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -30,6 +28,7 @@ from numpy.typing import NDArray
 from one_line import in_one_line
 from robot_pictures import Readings, Stage, frame_times, walk_step, with_pictures
 from robot_runs import held_out, judge_arrivals
+from table_file import write_table
 
 from cad.whole_file import replace_file
 from sensing.live.core.gate import UNCONFIRMED
@@ -178,8 +177,8 @@ def run(options: argparse.Namespace, stage: Stage) -> None:
                 score = judge_arrivals(walk, robot, stream, DEFAULTS, (source, 0.0))
                 scores.append({"robot": name, **asdict(score)})
                 errors += [asdict(part) for part in reading_errors(found, (name, seed, source))]
-            write(options.out, scores)
-            write(options.out.with_name(f"{options.out.stem}_readings.csv"), errors)
+            write_table(options.out, scores, figures=5)
+            write_table(options.out.with_name(f"{options.out.stem}_readings.csv"), errors, figures=5)
 
 
 def picture(options: argparse.Namespace, stage: Stage) -> bytes:
@@ -203,14 +202,6 @@ def picture(options: argparse.Namespace, stage: Stage) -> bytes:
 def run_name(robot: str, seed: int, options: argparse.Namespace) -> str:
     """Of the files that keep a run's solved states."""
     return f"{robot}_flat_{seed}_{options.seconds:g}s_{options.hz:g}hz"
-
-
-def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Rows as CSV, whole or not at all."""
-    writer = csv.DictWriter(stream := io.StringIO(), list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: f"{v:.5g}" if isinstance(v, float) else v for name, v in row.items()} for row in rows)
-    replace_file(path, stream.getvalue().encode())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -12,7 +12,6 @@ doi:10.1198/016214506000001437), mean over bars, times and runs: a covariance to
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields, replace
@@ -23,6 +22,7 @@ import numpy as np
 from bench_robot import add_run_arguments
 from one_line import in_one_line
 from robot_runs import errors, followed, score, tuning_run
+from table_file import write_table
 
 from sensing.robot.settings import DEFAULTS, Settings
 from sensing.simulator.walk.stream import SensorSet, sensor_stream
@@ -163,12 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows.append(tried(*choice, options))
         print(line(rows[-1]), flush=True)
     if not options.set:
-        with options.out.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.DictWriter(stream, [entry.name for entry in fields(Tried)], lineterminator="\n")
-            writer.writeheader()
-            for row in rows:
-                values = asdict(row)
-                writer.writerow({name: f"{v:.5g}" if isinstance(v, float) else v for name, v in values.items()})
+        write_table(options.out, list(map(asdict, rows)), figures=5)
         plot(rows, options.out.with_suffix(".png"))
     return 0
 

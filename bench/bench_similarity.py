@@ -28,6 +28,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.errors import ParameterError
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
@@ -236,10 +237,7 @@ def _add(row: dict[str, float | str]) -> None:
             rows = list(csv.DictReader(stream))
     new = {name: row[name] if isinstance(row[name], str) else f"{row[name]:.5g}" for name in COLUMNS}
     rows = [r for r in rows if any(r[name] != new[name] for name in COLUMNS[:3])] + [new]
-    with path.open("w", newline="") as stream:
-        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    write_table(path, rows, COLUMNS)
 
 
 def _plot() -> None:

@@ -9,7 +9,6 @@ next by a third. Writes bench/similarity_pictures.csv. Five minutes of processor
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import sys
 import tempfile
@@ -23,6 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from bench_similarity import own_states, without
 from one_line import in_one_line
+from table_file import write_table
 
 from cad.materials import DEFAULT_SILICONE
 from cad.params import EndcapParams
@@ -71,10 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"{name}, training {seed}, {said}: {axes}", flush=True)
     for said in dict.fromkeys(row["score"] for row in rows):
         print(said, *(f"{what} {ratio(rows, said, what):.2f}" for what in ("n", "nm")))
-    with (HERE / "similarity_pictures.csv").open("w", newline="") as stream:
-        table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(HERE / "similarity_pictures.csv", rows, figures=5)
     return 0
 
 

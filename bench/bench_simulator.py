@@ -9,7 +9,6 @@ verification report judges it). Minutes.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 from dataclasses import replace
@@ -21,6 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from sensing.simulator.contact.indenter import Indenter
 from sensing.simulator.levels import Simulator
@@ -153,11 +153,7 @@ def main() -> None:
     """Run the curves and write table and plot."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = mesh_rows() + penalty_rows() + factor_rows() + level_rows()
-    columns = list(dict.fromkeys(name for line in rows for name in line))
-    with (HERE / "simulator.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, columns)
-        writer.writeheader()
-        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in rows)
+    write_table(HERE / "simulator.csv", rows, figures=4)
     plot(rows)
 
 

@@ -11,7 +11,6 @@ tolerance of the plain zone's mesh; density asked of the slicer.
 from __future__ import annotations
 
 import argparse
-import csv
 import resource
 import sys
 import tempfile
@@ -24,6 +23,7 @@ import trimesh
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.interface import build_flange, build_zone
 from cad.params import EndcapParams
 from fab.meshing.gyroid import interface_mesh
@@ -48,10 +48,7 @@ def main() -> int:
     """Measure, write the table, draw the curves."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rows = [*explicit_rows(), *native_rows()]
-    with (HERE / "slice.csv").open("w", newline="") as stream:
-        table = csv.DictWriter(stream, fieldnames=list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    write_table(HERE / "slice.csv", rows)
     draw(rows)
     return 0
 

@@ -10,7 +10,6 @@ Writes slice_sizes.csv beside this file, a row a design and form: what the gates
 from __future__ import annotations
 
 import argparse
-import csv
 import random
 import sys
 import tempfile
@@ -19,6 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.errors import ParameterError
 from cad.feasible import MAX_DIAMETER_MM, MAX_WALL_RATIO, MIN_WALL_MM
 from cad.params import EndcapParams
@@ -50,10 +50,7 @@ def main() -> int:
         for result in sliced(params):
             rows.append(row(params, result))
             print(*rows[-1].values(), file=sys.stderr)
-    with TABLE.open("w", newline="") as stream:
-        table = csv.DictWriter(stream, fieldnames=list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    write_table(TABLE, rows)
     return any(entry["refused"] for entry in rows)
 
 

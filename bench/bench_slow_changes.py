@@ -12,7 +12,6 @@ over the stated standard deviation of its axis, ``sds_alone`` the same without w
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.frames import T_sphere_endcap, inverse, wrench_adjoint
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import LiveModel, load_model
@@ -224,11 +224,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for row in found:
             print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
     if options.out is not None:
-        with options.out.with_suffix(".part").open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-        options.out.with_suffix(".part").replace(options.out)
+        write_table(options.out, rows)
     return 0
 
 

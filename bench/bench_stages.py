@@ -13,7 +13,6 @@ beyond its entropy decoding, and that every reader of it has to do.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 from collections import defaultdict
@@ -25,6 +24,7 @@ import cv2
 import numpy as np
 from bench_live import frames_of, pipelines  # makes the repository importable, too
 from one_line import in_one_line
+from table_file import write_table
 
 from bench.parts import table_of
 from cad.params import EndcapParams
@@ -57,10 +57,7 @@ def main() -> None:
                 rounds[method, stage].append(spent_ms)
         rounds["", "decode half"].append([decoded_ms(frame) for frame in frames])
     rows = table({key: np.min(spent_ms, axis=0) for key, spent_ms in rounds.items()})
-    with out.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(out, rows)
     for row in rows:
         print(*row.values())
 

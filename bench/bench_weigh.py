@@ -8,7 +8,6 @@ by the true load.
 
 from __future__ import annotations
 
-import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from pressed_films import Film, Recipe, asked_film, pressed_film
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.materials import silicone
 from sensing import weigh
 from sensing.frames import T_sphere_endcap, wrench_adjoint
@@ -119,10 +119,7 @@ def main() -> None:
         given = answers(endcap, films)
         rows += [row(name, endcap, given, load_n) for load_n in LOADS_N]
         print(*rows[-len(LOADS_N) :], sep="\n", flush=True)
-    with (HERE / "weigh.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(HERE / "weigh.csv", rows)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from sensing.camera.mount import MountedCamera
 from sensing.learning.contenders import RELEASED_SHAPE, read_all
 from sensing.learning.fit_config import FitConfig
@@ -92,12 +93,7 @@ def save(rows: list[Row], path: Path) -> None:
     """
     made = {row["study"] for row in rows}
     rows = [row for row in read(path) if row["study"] not in made] + rows
-    part = path.with_suffix(".part")
-    with part.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, ROWS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    part.replace(path)
+    write_table(path, rows, ROWS, figures=5)
 
 
 def errors(reported: np.ndarray, test: Samples) -> Row:

@@ -11,7 +11,6 @@ dot scatters by from frame to frame.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.one_line import in_one_line
+from bench.table_file import write_table
 from cad.params import EndcapParams
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.model import load_model
@@ -71,10 +71,7 @@ def main() -> None:
         row |= {"dot_px": scatter_px(readings)}
         rows.append(row | {"threshold_n": threshold.on_n, "false_contacts": false / len(readings)})
         print(*(f"{v:.4g}" if isinstance(v, float) else v for v in rows[-1].values()), flush=True)
-    with options.out.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write_table(options.out, rows, figures=4)
     plot(norms, threshold.on_n, options.out.with_suffix(".png"))
 
 

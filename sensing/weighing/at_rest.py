@@ -25,6 +25,8 @@ from sensing.weighing.gain import WeighingError
 HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
+    "compressed": "the video keeps parts of its pictures; record MJPEG or a lossless video",
+    "mixed": "the camera mixes its pictures; switch its noise reduction over time off, then zero again",
     "moved": "camera or lens have moved since the reference; zero again",
     "out_of_range": "weights have not learned such a contact, by its load, place or shape; press the tip with a flat "
     "plate and 15 to 70 % of the range that endcap train prints",

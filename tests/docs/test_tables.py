@@ -74,6 +74,16 @@ def test_the_faults_of_live_are_those_of_the_bench():
     assert f"None of these {total:,} frames" in (ROOT / "docs" / "live_faults.md").read_text(encoding="utf-8")
 
 
+def test_the_mixed_pictures_are_those_of_the_bench():
+    found, qualities = table("mixed"), ("0", "95", "85", "60")
+    rows = page_rows("docs/live_faults.md", "| pictures | raw |")
+    assert [row[0] for row in rows] == list(dict.fromkeys(row["pictures"] for row in found))
+    for name, *flagged in rows:
+        assert flagged == [cell_of(found, pictures=name, quality=quality)["flagged"] for quality in qualities]
+    soonest_s = min(float(row["longest_s"]) for row in found if row["longest_s"])
+    assert Rounded(*said("docs/live_faults.md", r"only scatter: ([\d.]+) s at 30 Hz"), soonest_s).is_right
+
+
 def test_what_the_fit_of_own_weight_leaves_is_that_of_the_bench():
     """Of a sag the page had 0.14 where the program left 0.53: its table of sags ended at the equator."""
     found = table("own_weight_leaves")

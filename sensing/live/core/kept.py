@@ -30,6 +30,7 @@ class Kept:
         overstress: of silicone that relaxes; None where it is taken as relaxed.
         offset: (6,) force and torque that the untouched endcap reads, about the sphere's centre; empty for none.
         compressed: why its pictures are thought to come from a video that keeps parts of them; empty where they do not.
+        mixed: why its pictures are thought to hold a part of those before; empty where they do not.
     """
 
     own_weight_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -39,6 +40,7 @@ class Kept:
     overstress: Overstress | None = None
     offset: tuple[float, ...] = ()
     compressed: str = ""
+    mixed: str = ""
 
     @property
     def of_events(self) -> Kept:
@@ -70,13 +72,13 @@ def kept_of(text: str) -> Kept:
     x, y, z = (float(value) for value in said["own_weight_g"])
     if not math.hypot(x, y, z) <= MOST_G:
         raise ValueError(f"own weight of {x:g}, {y:g}, {z:g} g")
-    reasons = said["moved"], said.get("loaded", ""), said.get("compressed", "")  # recordings of before have not all
-    moved, loaded, compressed = (str(reason)[:LONGEST_REASON] for reason in reasons)
+    reasons = said["moved"], *(said.get(name, "") for name in ("loaded", "compressed", "mixed"))  # not all of before
+    moved, loaded, compressed, mixed = (str(reason)[:LONGEST_REASON] for reason in reasons)
     overstress = None if "overstress" not in said else _overstress_of(said["overstress"])
     offset = tuple(map(float, said.get("offset", ())))
     if len(offset) not in (0, 6) or not all(map(math.isfinite, offset)):
         raise ValueError(f"offset of {len(offset)} numbers")
-    return Kept((x, y, z), moved, loaded, said.get("touching") is True, overstress, offset, compressed)
+    return Kept((x, y, z), moved, loaded, said.get("touching") is True, overstress, offset, compressed, mixed)
 
 
 def _overstress_of(said: dict[str, Any]) -> Overstress:

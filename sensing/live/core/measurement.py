@@ -25,14 +25,13 @@ from sensing.live.core.kept import NOTHING_KEPT, Kept
 from sensing.live.core.load_watch import FLAG as ZEROED_UNDER_LOAD
 from sensing.live.core.load_watch import LoadWatch
 from sensing.live.core.model import LiveModel
+from sensing.live.core.picture_watch import PictureWatch
 from sensing.live.core.reading import NO_CHANGE, NO_TREND, EndcapReading, without_numbers
 from sensing.live.core.reference import Reference
 from sensing.live.core.rest_offset import RestOffset
 from sensing.live.core.seen import SeenFrame
 from sensing.live.core.stage_times import StageTimes
 from sensing.live.core.state import MEASURED, Event
-from sensing.live.core.still_watch import FLAG as COMPRESSED
-from sensing.live.core.still_watch import StillWatch
 from sensing.records import DotTracks, Frame, Image, ShearField, Wrench
 from sensing.tracking.methods import FieldMethod
 from sensing.tracking.model_input import ModelInput
@@ -101,7 +100,7 @@ class Measurement:
         self._drift: Drift | None = None
         self._mounting, self._count = MountingWatch(endcap.params, kept.moved, reference.zero.error_px), 0
         self._load = LoadWatch(model.estimator, endcap.gain, kept.loaded)
-        self._still, self._offset = StillWatch(kept.compressed), RestOffset(kept.offset)
+        self._pictures, self._offset = PictureWatch(kept.compressed, kept.mixed), RestOffset(kept.offset)
         self.contact: ContactState | None = None
 
     @property
@@ -110,12 +109,12 @@ class Measurement:
         x, y, z = (0.0, 0.0, 0.0) if self._own_weight is None else self._own_weight.change_g.tolist()
         return Kept(
             (x, y, z), self._mounting.reason, self._load.reason, self._detector.touching, self._rate.state,
-            self._offset.state, self._still.reason,
+            self._offset.state, self._pictures.compressed, self._pictures.mixed,
         )  # fmt: skip
 
     def read(self, frame: Frame, captured_s: float) -> EndcapReading:
         """The reading of one frame, with or without numbers."""
-        self._still.take(frame.coding)  # before what is kept, from which a replay has it: recordings hold no coding
+        self._pictures.take(frame.coding)  # before what is kept, from which a replay has it: recordings hold no coding
         watch, before = StageTimes(), self.kept
         look = self._recorded(frame, watch) if isinstance(frame, SeenFrame) else self._look(frame, watch)
         if not isinstance(look, Verdict):
@@ -138,7 +137,7 @@ class Measurement:
         estimate = rated.wrench
         judged = self._gate.judge(alike, tracks, estimate, lambda: self._predicted_n(estimate.time_s))
         if tracks is not None:
-            self._still.update(tracks, alike)
+            self._pictures.update(tracks, alike)
         verdict = self._of_reference(judged, tracks)
         watch.lap("gate")
         seen = verdict.event is not Event.UNSEEN
@@ -200,7 +199,7 @@ class Measurement:
         flags = frozenset[str]() if check is None else check.flags
         misfit = "" if check is None or not flags else check.reason
         watched = {
-            MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason, COMPRESSED: self._still.reason,
+            MOVED: self._mounting.reason, ZEROED_UNDER_LOAD: self._load.reason, **self._pictures.reasons,
             UNCONFIRMED: self._mounting.doubt,
         }  # fmt: skip
         flags |= {flag for flag, reason in watched.items() if reason}

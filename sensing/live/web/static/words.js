@@ -9,6 +9,9 @@ const Words = (() => {
     moved: "camera or lens have moved since the reference: zero again when untouched",
     zeroed_under_load: "the dots move as if the reference had been taken under load: zero again when untouched",
     compressed: "the video repeats parts of its pictures (H.264, HEVC, MPEG-4, VP9): record MJPEG or a lossless video",
+    mixed:
+      "the camera mixes each picture with those before and shows fast presses late: " +
+      "switch its noise reduction over time off",
     dots_missing: "too few dots are in the reference: free and wipe lens and dome, then zero again",
     overexposed: "the reference is white in part: less light, then zero again",
     dark: "the reference is dark: more light, then zero again",

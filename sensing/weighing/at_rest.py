@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensing.live.core.gate import DISTURBED, OF_THE_MODEL, disturbed_dots, torn_row
+from sensing.live.core.mixed_watch import FLAG as MIXED
 from sensing.live.core.reading import EndcapReading
 from sensing.weighing.gain import WeighingError
 
@@ -25,8 +26,6 @@ from sensing.weighing.gain import WeighingError
 HINTS = {
     "camera_misfit": "the camera is not where the design has it; run python -m sensing.calibrate first",
     "dots_missing": "too few dots are in the reference; free and wipe lens and dome, then zero again",
-    "compressed": "the video keeps parts of its pictures; record MJPEG or a lossless video",
-    "mixed": "the camera mixes its pictures; switch its noise reduction over time off, then zero again",
     "moved": "camera or lens have moved since the reference; zero again",
     "out_of_range": "weights have not learned such a contact, by its load, place or shape; press the tip with a flat "
     "plate and 15 to 70 % of the range that endcap train prints",
@@ -112,13 +111,14 @@ class RestWatch:
             return
         estimate = reading.estimate
         wrench = np.concatenate([estimate.force_n, estimate.torque_nm])
-        disturbed = self._few_disturbed(reading)
+        flags = estimate.flags - {MIXED}  # such pictures show a load that stands still as it is
+        disturbed = self._few_disturbed(reading, flags)
         row = _Row(
             estimate.time_s,
             wrench,
             np.array(estimate.covariance),
             reading.contact.touching,
-            estimate.flags - {DISTURBED} if disturbed else estimate.flags,
+            flags - {DISTURBED} if disturbed else flags,
             reading.reason,
             disturbed,
         )
@@ -207,10 +207,10 @@ class RestWatch:
             "second): leave it on for longer"
         )
 
-    def _few_disturbed(self, reading: EndcapReading) -> int:
+    def _few_disturbed(self, reading: EndcapReading, flags: frozenset[str]) -> int:
         """Number of dots that look otherwise than in the reference, where they are few and nothing else is wrong; 0."""
         estimate, tracks = reading.estimate, reading.tracks
-        if tracks is None or estimate.flags != {DISTURBED} or torn_row(tracks):
+        if tracks is None or flags != {DISTURBED} or torn_row(tracks):
             return 0
         count = int(disturbed_dots(tracks, estimate.force_n, self._load_scale).sum())
         return count if count <= MOST_DISTURBED * len(tracks.ids) else 0

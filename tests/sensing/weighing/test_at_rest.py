@@ -11,6 +11,7 @@ import pytest
 from sensing.live.core.config import LiveConfig
 from sensing.live.core.endcap_config import EndcapConfig
 from sensing.live.core.gate import DISTURBED
+from sensing.live.core.mixed_watch import FLAG as MIXED
 from sensing.live.core.state import Condition, State
 from sensing.records import DotTracks, Wrench
 from sensing.weighing import robot, session
@@ -134,6 +135,12 @@ def test_a_few_dots_that_look_otherwise_do_not_refuse_a_load():
 def test_many_such_dots_a_torn_picture_or_another_flag_do(options):
     with pytest.raises(WeighingError, match=r"readings under the load, 9\.00 N, are flagged"):
         watched(reading(k, 9.0, **options) for k in range(40)).pressed()
+
+
+@pytest.mark.parametrize("flags", [{MIXED}, {MIXED, DISTURBED}])
+def test_a_camera_that_mixes_its_pictures_shows_a_standing_load_as_it_is(flags):
+    rest = watched(reading(k, 9.0, frozenset(flags), disturbed=4) for k in range(40)).pressed()
+    assert rest.wrench[2] == -9.0 and rest.readings >= 30
 
 
 def test_a_load_beyond_the_weights_says_what_to_do():

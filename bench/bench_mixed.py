@@ -128,6 +128,13 @@ def twice(scene: Scene) -> Iterator[Picture]:
         yield picture
 
 
+def over_and_over(scene: Scene) -> Iterator[Picture]:
+    """A film of three pictures, with a little noise of its own."""
+    film = list(islice(alone(scene), 3))
+    for k, noise in enumerate(scene.noises()):
+        yield film[k % 3] + np.float32(0.3) * noise
+
+
 def lamp(scene: Scene, factors: Iterator[Picture | float]) -> Iterator[Picture]:
     """The light changes by these factors."""
     for noise, factor in zip(scene.noises(), factors, strict=False):
@@ -175,6 +182,7 @@ CASES: dict[str, Callable[[Scene], Iterator[Picture]]] = {
     "blended in pairs": blended,
     "independent": alone,
     "independent, each sent twice": twice,
+    "three, over and over": over_and_over,
     "lamp warms by 2 % a second": warming,
     "exposure swings by 1 %": hunting,
     "bands of 3 %": banded,

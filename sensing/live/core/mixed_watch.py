@@ -15,7 +15,8 @@ r(L) of a dot's places L frames apart is
 2. From what each dot is left a polynomial of fifth degree in time is taken off, by a projection R. That alone makes
    r(L) = tr(R S R) / tr(R) of independent pictures (S shifts by L frames), which is taken off, too.
 3. Of mixed pictures r(2) is then at most 0.08. Light that changes moves the dots of coarse JPEGs for several frames, so
-   r(1) - 2 r(2) is what counts, in the mean over the dots, each alike: a few that flicker change little.
+   r(1) - 2 max(0, r(2)) is what counts, in the mean over the dots, each alike: a few that flicker change little. Where
+   pictures come again, as in a film of n that is shown over and over, both are -1/(n - 1).
 
 JPEG and whole gray values lower it (bench/mixed.csv, docs/live_faults.md). Pictures that come twice do not count, as in
 :mod:`sensing.live.core.still_watch`.
@@ -37,7 +38,7 @@ TIME_DEGREE, PLACE_DEGREE = 5, 2
 LEAST_DOTS = 24  # four times the terms of the polynomial in x and y
 LEAST_PX = 1e-3  # at 480 rows: scatter of the median dot; pictures drawn without noise have less
 QUIET = 3.0  # M: energy of the polynomial over that of noise: 0.8 to 2.4; 6 to 40 of a drift by 0.001 px a frame
-MIXED = 0.12  # M: r(1) - 2 r(2): 0.03 at most of independent pictures; see bench/mixed.csv
+MIXED = 0.11  # M: r(1) - 2 max(0, r(2)): 0.03 at most of independent pictures; see bench/mixed.csv
 FEWEST, MOST = 3, 8  # intervals whose mean decides: the deviation of one is 0.03
 
 
@@ -98,7 +99,7 @@ class MixedWatch:
 
 
 def memory_of_noise(places_px: Array, reference_px: Array, least_px: float) -> float | None:
-    """Correlation of the dots' noise from one frame to the next, less twice that over two frames.
+    """Correlation of the dots' noise from one frame to the next, less twice that over two frames where it is positive.
 
     Args:
         places_px: (FRAMES, n, 2) in frames in a row.
@@ -119,12 +120,13 @@ def memory_of_noise(places_px: Array, reference_px: Array, least_px: float) -> f
     if (together**2).sum() / terms > QUIET * (alone**2).sum() / others:
         return None
     noise = np.einsum("st,tnc->snc", _LEFT, alone)
-    return float(np.mean(_correlation(noise, 1) - 2 * _correlation(noise, 2)))
+    return _correlation(noise, 1) - 2 * max(0.0, _correlation(noise, 2))
 
 
-def _correlation(noise: Array, lag: int) -> Array:
-    """(n,) of each dot, so many frames apart, without what the polynomial in time makes of it."""
-    return np.asarray((noise[lag:] * noise[:-lag]).sum(axis=(0, 2)) / (noise**2).sum(axis=(0, 2)) - _OF_FIT[lag])
+def _correlation(noise: Array, lag: int) -> float:
+    """Mean over the dots, so many frames apart, without what the polynomial in time makes of it."""
+    of_dots = (noise[lag:] * noise[:-lag]).sum(axis=(0, 2)) / (noise**2).sum(axis=(0, 2))
+    return float(of_dots.mean()) - _OF_FIT[lag]
 
 
 def _polynomials(reference_px: Array) -> Array:

@@ -1,13 +1,15 @@
 import itertools
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_stand_in import stand_in
+from live_stand_in import pipeline, stand_in
 
 from cad.errors import FileError, ParameterError
 from cad.params import EndcapParams
 from sensing.live.core.endcap_config import EndcapConfig
+from sensing.live.core.mixed_watch import FEWEST, FLAG, FRAMES
 from sensing.live.core.model import LiveModel, load_model
 from sensing.live.core.pipeline import EndcapPipeline
 from sensing.live.core.robot import robot_state
@@ -133,6 +135,15 @@ def test_the_scene_begins_with_the_first_picture_taken_however_long_the_start_to
 def test_a_camera_that_is_not_there_is_refused(film, number, rate):
     with pytest.raises(ParameterError, match=r"scene:|rate_hz"):
         scene.SceneSource(number, rate)
+
+
+def test_an_untouched_endcap_of_the_scene_is_not_flagged_as_a_camera_that_mixes_its_pictures(film):
+    """Three patterns of noise in turn, as at rest, are no part of the picture before."""
+    endcap = pipeline()
+    for count in range(FRAMES * FEWEST + 1):
+        shown = frame(film, 3, count % 24)
+        reading = endcap.update(replace(shown, time_s=1 + count / RATE_HZ, sequence=count))
+    assert FLAG not in reading.wrench.flags
 
 
 # --- from picture to contact set -------------------------------------------------------------------------------

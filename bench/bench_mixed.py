@@ -87,11 +87,8 @@ def scene(params: EndcapParams, rows: int, noise: float, seed: int) -> Scene:
     bump = np.exp(-((x - 0.6 * rows) ** 2 + (y - 0.4 * rows) ** 2) / (2 * (0.15 * rows) ** 2))[:, :, None]
     touch = TOUCH_PX * unit * bump * (slope_x + 0.4 * slope_y)
     white = np.random.default_rng(seed).normal(0, noise, (rows + MORE, rows * 4 // 3 + MORE, 3))
-    plain = np.float32
-    return Scene(
-        params, still.astype(plain), touch.astype(plain), (SHIFT_PX * unit * slope_x).astype(plain),
-        white.astype(plain), seed,
-    )  # fmt: skip
+    shift = SHIFT_PX * unit * slope_x
+    return Scene(params, *map(np.float32, (still, touch, shift, white)), seed=seed)
 
 
 def alone(scene: Scene) -> Iterator[Picture]:

@@ -15,8 +15,8 @@ r(L) of a dot's places L frames apart is
 2. From what each dot is left a polynomial of fifth degree in time is taken off, by a projection R. That alone makes
    r(L) = tr(R S R) / tr(R) of independent pictures (S shifts by L frames), which is taken off, too.
 3. Of mixed pictures r(2) is then at most 0.08. Light that changes moves the dots of coarse JPEGs for several frames, so
-   r(1) - 2 max(0, r(2)) is what counts, in the mean over the dots, each alike: a few that flicker change little. Where
-   pictures come again, as in a film of n that is shown over and over, both are -1/(n - 1).
+   r(1) - 2 max(0, r(2)) is what counts, in the mean over the dots, each alike: a few that flicker change little. In a
+   film of n > 2 pictures that is shown over and over both are -1/(n - 1).
 
 JPEG and whole gray values lower it (bench/mixed.csv, docs/live_faults.md). Pictures that come twice do not count, as in
 :mod:`sensing.live.core.still_watch`.

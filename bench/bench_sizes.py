@@ -26,8 +26,8 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
 from datetime import date
-from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -133,23 +133,32 @@ def _made(sizes: list[Size], workers: int, seconds: float) -> Iterator[Made]:
     """The sizes, made side by side, each as it ends."""
     end = time.monotonic() + seconds
     context = multiprocessing.get_context("spawn")
-    queue, running = iter(sizes), set[Future[Made]]()
-    start = (_start_worker, (context.Value("i", 0), os.getpid()))
-    with ProcessPoolExecutor(workers, context, *start, max_tasks_per_child=TASKS_A_WORKER) as pool:
+    queue, running = iter(sizes), dict[Future[Made], ProcessPoolExecutor]()
+    with ExitStack() as pools:
+        # A pool each: one pool of many would start the next worker on a core where another still works.
+        idle = [
+            pools.enter_context(
+                ProcessPoolExecutor(
+                    1, context, _start_worker, (number, os.getpid()), max_tasks_per_child=TASKS_A_WORKER
+                )
+            )
+            for number in range(workers)
+        ]
         while True:
-            while len(running) < workers and time.monotonic() < end and (size := next(queue, None)) is not None:
-                running.add(pool.submit(make, size))
+            while idle and time.monotonic() < end and (size := next(queue, None)) is not None:
+                pool = idle.pop()
+                running[pool.submit(make, size)] = pool
             if not running:
                 return
-            ended, running = wait(running, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in ended)
+            ended, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in ended:
+                idle.append(running.pop(future))
+                yield future.result()
 
 
-def _start_worker(started: Synchronized[int], parent: int) -> None:
+def _start_worker(number: int, parent: int) -> None:
     """End with the parent, and keep to a core: the mesh kernel's threads would wait for each other, burning time."""
     end_with_parent(parent)
-    with started.get_lock():
-        number, started.value = started.value, started.value + 1
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[number % len(cores)]})

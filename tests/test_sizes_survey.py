@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import csv
+import math
+import os
 import re
+import time
 from concurrent.futures import Future
 from datetime import date
+from pathlib import Path
 
 import pytest
 
@@ -149,6 +153,27 @@ def test_the_document_states_what_the_table_holds():
     for kind, said in words.items():
         stated = int(re.search(rf"(\d+) {said}", text)[1])
         assert stated == sum(row["kind"] == kind for row in rows), kind
+
+
+def _core_after(file: str) -> set[int]:
+    """The cores on which this process may run, once the file is there."""
+    while not Path(file).exists():
+        time.sleep(0.01)
+    return set(os.sched_getaffinity(0))
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="two cores are needed"
+)
+def test_a_worker_that_follows_another_takes_its_core(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench_sizes, "make", _core_after)
+    monkeypatch.setattr(bench_sizes, "TASKS_A_WORKER", 1)  # a new process for each
+    later = tmp_path / "later"
+    cores = bench_sizes._made([str(later), *[str(tmp_path)] * 3], 2, math.inf)
+    others = [next(cores) for _ in range(3)]
+    later.touch()
+    (long,) = cores
+    assert len(long) == 1 and all(len(each) == 1 and each != long for each in others)
 
 
 def test_work_done_in_this_process_keeps_its_result_or_its_error():

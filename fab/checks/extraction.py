@@ -26,6 +26,7 @@ STEPS = 5  # samples on each leg after release, and as many before it; more give
 SEARCH_MM = 0.25  # gaps beyond this are not distinguished
 SLOPES_DEG = np.arange(0.0, 29.0, 1.0)  # tried slopes of the pull: from straight inward to nearly along the ramp
 TOUCH_MM = 1e-3  # rounding to float32 of surfaces in contact
+ROUNDING_MM = 1e-5  # of a corner in an STL file: float32 at 125 mm, both ends of a facet's height
 RELEASE_MM = 2.0  # travel after which no surfaces are in contact
 
 
@@ -87,7 +88,7 @@ def extract_core(
                 legs,
                 max(float(depth_in_cast(layout, points).max()) for points in _swept(mesh, legs)),
                 least_gap_mm(mesh, rest, legs, seams),
-                _draft_deg(molding_faces(layout, mesh), legs[0]),
+                _draft_deg(molding_faces(layout, mesh), legs[0], ROUNDING_MM),
                 _rim_strain(layout, mesh, legs),
             )
         )
@@ -108,7 +109,8 @@ def extract_cup(layout: MoldLayout, meshes: Mapping[str, trimesh.Trimesh]) -> li
         faces = MoldingFaces(mesh.triangles[inside], mesh.face_normals[inside])
         peers = [meshes[other] for other in outside if other[:-1] == name[:-1]]  # bowl and collar touch at the seam
         gap = least_gap_mm(mesh, peers, legs)
-        results.append(Extraction(name, legs, depth, gap, _draft_deg(faces, legs[0]), 0.0))
+        draft_deg = _draft_deg(faces, legs[0], ROUNDING_MM)
+        results.append(Extraction(name, legs, depth, gap, draft_deg, 0.0))
     return results
 
 
@@ -238,17 +240,24 @@ def _depth_in_shell_from_outside(layout: MoldLayout, points: np.ndarray) -> np.n
     return np.minimum(depth, points[:, 2])
 
 
-def _draft_deg(faces: MoldingFaces, leg: Leg) -> float:
+def _draft_deg(faces: MoldingFaces, leg: Leg, rounding_mm: float = 0.0) -> float:
     """Least draft angle of the faces along a leg, degrees; negative for an undercut.
 
     A facet whose undercut is less deep than twice the mesh's tolerance counts as parallel (0): at the sphere's equator,
-    where the true draft is 0, slivers next to a seam deviate by up to that amount in either direction.
+    where the true draft is 0, slivers next to a seam deviate by up to that amount in either direction. Rounded corners
+    tilt a facet by up to ``rounding_mm`` over its height: that much lean is no undercut. A path is chosen without it,
+    so it is the same whatever the rounding.
     """
     direction = np.array(leg.direction)
     opening = -(faces.normals @ direction)
     undercut = np.flatnonzero(opening < 0)
-    reach = np.ptp(faces.triangles[undercut] @ direction, axis=1)  # extent of each facet along the leg
-    opening[undercut[-opening[undercut] * reach < 2 * TOLERANCE_MM]] = 0.0
+    corners = faces.triangles[undercut]
+    reach = np.ptp(corners @ direction, axis=1)  # extent of each facet along the leg
+    edges = corners - np.roll(corners, 1, axis=1)
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    height = 2 * area / np.linalg.norm(edges, axis=2).max(axis=1)
+    lean = -opening[undercut] - rounding_mm / height
+    opening[undercut[lean * reach < 2 * TOLERANCE_MM]] = 0.0
     return float(np.degrees(np.arcsin(np.clip(opening.min(), -1.0, 1.0))))
 
 

@@ -17,6 +17,7 @@ from cad.pattern import DENT_DEPTH_MM, LEAST_BRIDGE_MM, pitch_mm
 from cad.solids import one_solid, revolved
 from fab.checks.bumps import bump_checks
 from fab.checks.extraction import (
+    ROUNDING_MM,
     SEARCH_MM,
     Leg,
     _draft_deg,
@@ -258,6 +259,23 @@ def test_draft_forgives_only_what_the_mesh_cannot_show(lean_deg, reach_mm, expec
     faces = mesh if away < 0 else trimesh.Trimesh(corners, [(0, 2, 1)], process=False)
     found = _draft_deg(MoldingFaces(faces.triangles, faces.face_normals), Leg((0.0, 0.0, 1.0), 1.0))
     assert found == pytest.approx(expected, abs=1e-6)
+
+
+def _bowl_facet(width_mm: float, lean_deg: float) -> MoldingFaces:
+    """A facet of a bowl's wall 1.8 mm high, its lower edge so wide, with a normal that undercuts by an angle."""
+    corners = np.array([[(0.0, 0.0, 0.0), (0.0, 1.7, 1.8), (0.0, 0.0, width_mm)]])
+    lean = math.radians(lean_deg)
+    return MoldingFaces(corners, np.array([(-math.cos(lean), 0.0, math.sin(lean))]))
+
+
+def test_draft_knows_that_rounded_corners_tilt_a_sliver():
+    """D=167.29 T=9.19: corners 9e-5 mm apart on the sphere's equator gave bowl and collar a draft of -1.1 degrees."""
+    up = Leg((0.0, 0.0, 1.0), 1.0)
+    sliver, facet = _bowl_facet(9.2e-5, 1.106), _bowl_facet(0.05, 1.106)
+    assert _draft_deg(sliver, up) == pytest.approx(-1.106)
+    assert _draft_deg(sliver, up, ROUNDING_MM) == 0.0
+    assert _draft_deg(facet, up, ROUNDING_MM) == pytest.approx(-1.106)
+    assert _draft_deg(_bowl_facet(9.2e-5, 60.0), up, ROUNDING_MM) == pytest.approx(-60.0)  # more than rounding does
 
 
 @pytest.mark.long
